@@ -187,11 +187,13 @@ class Navigator:
         if stop := self._check_inputs(cycle):
             return self._fail(stop.reason) if stop.final else self._pause(active, stop.reason)
 
-        costmap = self._parts.model.update(cycle, self._parts.command_filter.are_static)
+        costmap = self._parts.model.update(cycle)
         self._parts.command_filter.update(cycle, self._parts.model)
         active.recovery.update(cycle, self._parts.model, costmap)
 
         window = self._parts.model.local_costmap
+        # Noise hides and shows static obstacles; what moves is another obstacle in every cycle.
+        self._parts.path.keeps = not self._parts.command_filter.sees_motion(cycle.time_s)
         self._parts.path.update(cycle.time_s, costmap, cycle.map_from_base, active.goal, window)
         request = self._control_request(cycle)
 

@@ -1,11 +1,9 @@
 """The obstacles round the robot, from map, scan and memory: as costmaps and as points."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
@@ -24,15 +22,6 @@ from thumper.navigation.state import CycleInput
 # correction of the odometry: wheels slip, and the surroundings stay where they are.
 JUMP_M, JUMP_RAD = 0.10, 0.10
 DRIFT_M_S, DRIFT_RAD_S = 0.02, 0.02  # allowed in addition while no cycle ran
-
-
-# Which hits, shape (n, 2), stay where they are; also gets the time.
-StaticTest = Callable[[float, FloatArray], NDArray[np.bool_]]
-
-
-def all_static(_time_s: float, hits_m: FloatArray) -> NDArray[np.bool_]:
-    """Return that no hit moves."""
-    return np.ones(len(hits_m), np.bool_)
 
 
 class ObstaclePoints(NamedTuple):
@@ -86,18 +75,14 @@ class LocalModel:
         self._keepout = keepout
         self._layers.set_keepout(keepout)
 
-    def update(self, cycle: CycleInput, are_static: StaticTest = all_static) -> Costmap:
-        """Process a cycle's map and hits; return the costmap for planning.
-
-        Hits that are not static are obstacles for the controllers, but the planner waits for them to pass.
-        """
+    def update(self, cycle: CycleInput) -> Costmap:
+        """Process a cycle's map and hits; return the costmap for planning."""
         self._follow_map(cycle)
         time_s, base, scan_pose = cycle.time_s, cycle.map_from_base, cycle.scan_pose
         hits_m = cycle.hits_in_map_m[np.isfinite(cycle.hits_in_map_m).all(axis=1)]
         self.hits_m = averaged_hits(scan_pose, hits_m, self._view)
         near_m = self._control_memory.update(time_s, base, self.hits_m, scan_pose)
-        static = are_static(time_s, self.hits_m)
-        far_m = self._planning_memory.update(time_s, base, self.hits_m, scan_pose, kept=static)
+        far_m = self._planning_memory.update(time_s, base, self.hits_m, scan_pose)
         seen_m = np.vstack((self.hits_m, near_m))
 
         window = window_of(cycle.grid, base, self._options)
@@ -112,7 +97,7 @@ class LocalModel:
             position_error_m=np.concatenate((np.zeros(len(self.hits_m)), error_m, np.zeros(len(unseen_m)))),
             seen=len(seen_m),
         )
-        self.costmap = self._layers.update(cycle.grid, np.vstack((self.hits_m[static], far_m)))
+        self.costmap = self._layers.update(cycle.grid, np.vstack((self.hits_m, far_m)))
         return self.costmap
 
     def static_band(self, grid: OccupancyGrid, begin: int, end: int) -> Costmap:

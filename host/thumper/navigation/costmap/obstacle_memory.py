@@ -88,19 +88,12 @@ class ObstacleMemory:
         self._anchor = new_from_old @ self._anchor
 
     def update(
-        self,
-        time_s: float,
-        map_from_base: Pose2,
-        hits_in_map_m: FloatArray,
-        scan_pose: Pose2 | None = None,
-        *,
-        kept: NDArray[np.bool_] | None = None,
+        self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray, scan_pose: Pose2 | None = None
     ) -> FloatArray:
         """Add a scan's hits, shape (n, 2) [m]; return the remembered points in `map`, shape (m, 2) [m].
 
-        `scan_pose` is the robot's pose at the time of the scan; None: `map_from_base`. `kept`, shape (n,),
-        says which hits to remember; None: all. Sets `position_error_m`, shape (m,): how far each point may be
-        off by now.
+        `scan_pose` is the robot's pose at the time of the scan; None: `map_from_base`. Sets
+        `position_error_m`, shape (m,): how far each point may be off by now.
         """
         self._count_distance(map_from_base)
         fresh = self._times_s > time_s - self._keep_s
@@ -110,8 +103,6 @@ class ObstacleMemory:
         self._keep(_within(self._points_m, map_from_base, self._radius_m))
         remembered_m = self._points_m
         self.position_error_m = np.minimum(MAX_ERROR_M, ERROR_FRACTION * (self._driven_m - self._seen_at_m))
-        if kept is not None:
-            hits_in_map_m = hits_in_map_m[kept]
         near = hits_in_map_m[_within(hits_in_map_m, map_from_base, self._radius_m)]
         all_m = np.vstack((near, remembered_m))
         all_s = np.concatenate((np.full(len(near), time_s), self._times_s))

@@ -61,6 +61,7 @@ class PathManager:
         self._circumscribed_m = footprint.circumscribed_radius_m
         self.path_m: FloatArray | None = None  # shape (n, 2)
         self.reason = ""  # why there is no path, or where it ends if not at the goal
+        self.keeps = True  # a path for some time; False: another replaces it at once, if blocked or dearer
         self._search = SlicedSearch[PlanResult]()  # of a new path; takes several cycles in a large map
         self._planned_s = self._valid_s = self._open_s = -math.inf
         self._cheaper_count = 0  # searches in a row that found a clearly cheaper path
@@ -132,6 +133,8 @@ class PathManager:
         """Return whether there is no path, or another must replace it: it is left, or blocked for long."""
         if self.path_m is None or self._is_left(self.path_m, base):
             return True
+        if not self.keeps and is_blocked(costmap, self.path_m[1:]):
+            return True
         blockage = self._blockage(self.path_m, costmap, base, window)
         if blockage is not Blockage.SURE:
             self._open_s = time_s
@@ -198,9 +201,11 @@ class PathManager:
         joined_m = np.vstack(((base.x_m, base.y_m), self.path_m))
         new_cost = self._planner.path_cost_m(costmap, new_m)
         old_cost = self._planner.path_cost_m(costmap, joined_m)
+        is_cheaper = new_cost < (1.0 - self._options.better_by) * old_cost
+        if not self.keeps:
+            return is_cheaper
         if math.isinf(old_cost):  # blocked, perhaps only by noise: no time to compare
             return False
-        is_cheaper = new_cost < (1.0 - self._options.better_by) * old_cost
         if is_cheaper and _is_same_side(new_m, joined_m, costmap):
             return True
         is_cheaper = is_cheaper and self._can_turn_to(new_m, costmap, base)

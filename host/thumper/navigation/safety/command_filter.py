@@ -2,10 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from thumper.common.geometry import FloatArray, Twist2
+from thumper.common.geometry import Twist2
 from thumper.common.kinematics import DriveGeometry
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
@@ -57,9 +54,9 @@ class CommandFilter:
         self._dynamic_obstacles.update(cycle.time_s, cycle.scan_pose, model.hits_m)
         self._obstacles = model.obstacles.in_base(cycle.map_from_base)
 
-    def are_static(self, time_s: float, hits_m: FloatArray) -> NDArray[np.bool_]:
-        """Return which hits, shape (n, 2), belong to no dynamic obstacle."""
-        return self._dynamic_obstacles.are_static(time_s, hits_m)
+    def sees_motion(self, time_s: float) -> bool:
+        """Return whether there are dynamic obstacles, or were a moment ago."""
+        return self._dynamic_obstacles.have_moved_lately(time_s)
 
     def filter(
         self,

@@ -30,8 +30,7 @@ WIDEST_M = 1.0  # wider objects are walls
 MATCH_M = 0.6
 # An earlier object is still there if at least this fraction of it is this near to hits that are not new.
 STATIC_M, LEAST_STILL_FRACTION = 0.08, 0.5
-# Hits this near to where a moving object is by its velocity belong to it. Some scans may not detect it.
-SAME_OBJECT_M, REMEMBERED_S = 0.25, 0.5
+LATELY_S = 5.0  # somebody who stands or is hidden for less may move again
 STEP_S = 0.1
 ROUNDING_S = 1e-6
 
@@ -75,12 +74,11 @@ class DynamicObstacles:
         self._half_planes = footprint.half_planes()
         self._scans: deque[PastScan] = deque()
         self.moving: list[MovingObject] = []  # in the newest scan
-        self._recent: deque[tuple[float, MovingObject]] = deque()  # with the time of the scan
+        self._moved_s = -math.inf  # when something moved last
 
     def forget(self) -> None:
         """Forget all scans: the map has moved."""
         self._scans.clear()
-        self._recent.clear()
         self.moving = []
 
     def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> None:
@@ -94,17 +92,12 @@ class DynamicObstacles:
         earlier = [past for past in self._scans if past.time_s <= time_s - COMPARED_S + ROUNDING_S]
         self.moving = self._detect(scan, earlier) if earlier else []
         self._scans.append(scan)
-        self._recent.extend((time_s, moving) for moving in self.moving)
+        if self.moving:
+            self._moved_s = time_s
 
-    def are_static(self, time_s: float, hits_m: FloatArray) -> NDArray[np.bool_]:
-        """Return which hits, shape (n, 2), belong to no object that was seen to move a moment ago."""
-        while self._recent and self._recent[0][0] < time_s - REMEMBERED_S - ROUNDING_S:
-            self._recent.popleft()
-        static = np.ones(len(hits_m), np.bool_)
-        for seen_s, (points_m, velocity_m_s) in self._recent:
-            offsets_m = hits_m[:, None] - (points_m + velocity_m_s * (time_s - seen_s))
-            static &= np.hypot(*offsets_m.transpose(2, 0, 1)).min(axis=1, initial=np.inf) > SAME_OBJECT_M
-        return static
+    def have_moved_lately(self, time_s: float) -> bool:
+        """Return whether something has moved a moment ago."""
+        return time_s - self._moved_s < LATELY_S
 
     def stop_reason(self, command: Twist2, twist: Twist2, map_from_base: Pose2) -> str | None:
         """Return why the robot must wait instead of this command, or None."""

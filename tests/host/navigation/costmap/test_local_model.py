@@ -9,7 +9,6 @@ from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import CostmapOptions
-from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.costmap.local_model import LocalModel
 from thumper.navigation.costmap.obstacle_memory import ObstacleMemoryOptions
 from thumper.navigation.footprint import Footprint
@@ -48,15 +47,3 @@ def test_a_post_behind_the_robot_follows_a_jump_of_the_map(correction: Pose2, fo
     model.update(cycle(0.2, base, np.empty((0, 2)), correction))
     expected_m = (base if follows else Pose2()).apply(POST_IN_BASE)
     assert model.obstacles.points_m[: model.obstacles.seen] == pytest.approx(expected_m, abs=1e-6)
-
-
-def test_a_moving_person_blocks_the_controllers_but_no_path() -> None:
-    model = LocalModel(CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), FieldOfView())
-    hits_m = np.array(((1.0, 0.02), (1.0, 1.02)))
-    for time_s in (0.0, 0.1):
-        here = cycle(time_s, Pose2(), hits_m, Pose2())
-        costmap = model.update(here, lambda _time_s, hits_m: hits_m[:, 1] > 0.5)
-    window = model.local_costmap
-    assert window is not None
-    for costs, obstacles in ((costmap, [False, True]), (window, [True, True])):
-        assert (costs.costs[costs.cells_of(hits_m)] == LETHAL).tolist() == obstacles

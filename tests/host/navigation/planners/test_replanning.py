@@ -97,6 +97,13 @@ def test_a_narrow_path_gets_more_time_and_a_cheaper_one_must_stay_cheaper() -> N
     assert door_after(manager, time_s + 1.5, 3.0, doors(), robot, goal) == "right"
 
 
+def test_a_path_is_not_kept_while_something_moves() -> None:
+    manager = PathManager(AStarPlanner(TraversalCostOptions()), ReplanningOptions(), Footprint())
+    manager.keeps = False
+    assert door_after(manager, 0.0, PERIOD_S, doors(), ROBOT, GOAL) == "right"
+    assert door_after(manager, 1.0, PERIOD_S, doors(right_open=False), ROBOT, GOAL) == "left"
+
+
 def test_a_cheaper_path_on_the_same_side_is_taken_at_once() -> None:
     """A path with a detour, found before the robot has seen the hall, is not driven to its end."""
     manager = PathManager(AStarPlanner(TraversalCostOptions()), ReplanningOptions(), Footprint())

@@ -50,6 +50,8 @@ def test_a_crossing_person_is_detected(speed_m_s: float, width_m: float) -> None
         speeds = [math.hypot(*moving.velocity_m_s) for moving in found.moving]
         detected += any(abs(speed - speed_m_s) < 0.3 * speed_m_s for speed in speeds)
     assert detected >= 8
+    assert found.have_moved_lately(1.5)
+    assert not found.have_moved_lately(10.0)
 
 
 def test_a_flickering_leg_beside_another_does_not_move() -> None:
@@ -81,19 +83,3 @@ def test_a_jump_of_the_map_is_no_motion() -> None:
     found.forget()
     found.update(1.0, Pose2(y_m=0.4), Pose2(y_m=0.4).apply(scan(hall(LEGS), rng)))
     assert not found.moving
-
-
-def test_hits_of_a_person_are_not_static_while_it_moves_and_just_after() -> None:
-    """The person is seen until 1.4 s; the walls stay static."""
-    rng, found, walls = (
-        np.random.default_rng(0),
-        detector(),
-        KinematicWorld.from_boxes(box(0.0, 0.0, 5.0, 5.0)),
-    )
-    for cycle in range(15):
-        person = np.array(((1.2, -0.8 + 0.1 * cycle, 0.2),))
-        world = KinematicWorld(segments_m=walls.segments_m, circles_m=person)
-        found.update(0.1 * cycle, Pose2(), scan(world, rng))
-    front_m, wall_m = (1.0, 0.7), (2.5, 0.7)
-    assert found.are_static(1.5, np.array((front_m, wall_m))).tolist() == [False, True]
-    assert found.are_static(2.5, np.array((front_m, wall_m))).tolist() == [True, True]
