@@ -10,6 +10,7 @@ from nicegui import ui
 
 from thumper.common.errors import ThumperError
 from thumper.dashboard.board_parameters import DOCS, Parameter, Parameters
+from thumper.dashboard.gains_help import gains_help
 from thumper.dashboard.widgets import box, button
 
 DECIMALS = 3
@@ -26,6 +27,8 @@ class GainsPanel:
         self._on_board: dict[str, float] = {}
         self._edited: dict[str, Any] = {}
         self._numbers: dict[str, ui.number] = {}
+        self._drawing: ui.html | None = None
+        self._explanation: ui.html | None = None
         self._busy = False
         with box("tp-buttons"):
             self._apply = self._button("Apply", self._on_apply, "tp-go")
@@ -60,7 +63,14 @@ class GainsPanel:
         with self._list:
             for parameter in self._schema.values():
                 self._row(parameter)
+                if parameter.name == "ki":
+                    self._add_help()
         self._show_changes()
+
+    def _add_help(self) -> None:
+        with box("tp-gainshelp"):
+            self._explanation = ui.html("", tag="p", sanitize=False).props("role=status")
+            self._drawing = ui.html("", sanitize=False).classes("tp-loop")
 
     def _row(self, parameter: Parameter) -> None:
         name, value = parameter.name, round(self._on_board[parameter.name], DECIMALS)
@@ -108,6 +118,10 @@ class GainsPanel:
 
     def _show_changes(self) -> None:
         changes = self._changes()
+        if self._drawing is not None and self._explanation is not None:
+            drawing, text = gains_help(self._edited, self._on_board)
+            self._drawing.set_content(drawing)
+            self._explanation.set_content(escape(text))
         for name, number in self._numbers.items():
             number.classes(add="tp-changed") if name in changes else number.classes(remove="tp-changed")
         for element in (self._apply, self._undo):

@@ -134,6 +134,7 @@ export class MapTools {
     this.onBox = onBox;
     this.corner = null;
     this.tool = "box";
+    this.buttons.pan.classList.remove("on");
     this.view.canvas.style.cursor = "crosshair";
   }
 

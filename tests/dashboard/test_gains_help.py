@@ -1,0 +1,72 @@
+"""The drawing and text beside the gains: equal to python-control's figures, and live on the page."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from benchmarks.shared.fake_robot import FakeRobot
+from playwright.sync_api import Page, expect
+
+from thumper.dashboard.gains_help import NO_MODEL, gains_help
+from thumper.dashboard.loop_response import PERIOD_S, loop_response
+from thumper_tuning.design.loops import SpeedLoop
+from thumper_tuning.design.plant import Plant
+from thumper_tuning.identify.model import MotorModel
+
+VALUES = {"kp": 6.1, "ki": 10.9, "kv": 17.12, "ka": 1.284}
+
+
+@pytest.mark.parametrize(
+    ("kp", "ki", "kv", "ka"),
+    [
+        (6.1, 10.9, 17.12, 1.284),
+        (3.0, 2.0, 17.12, 5.0),
+        (20.0, 6.0, 10.0, 0.3),
+        (0.0, 8.0, 17.0, 2.0),
+        (40.0, 30.0, 17.0, 1.0),
+    ],
+)
+def test_the_figures_are_those_of_python_control(kp: float, ki: float, kv: float, ka: float) -> None:
+    model = MotorModel(gain=1.0 / kv, time_constant_s=ka / kv, friction_forward=0.0, friction_backward=0.0)
+    loop = SpeedLoop.of_board(Plant.from_model(model, PERIOD_S), kp, ki)
+    ours = loop_response(kp=kp, ki=ki, kv=kv, ka=ka)
+    assert ours.stable == loop.is_stable()
+    if not ours.stable:
+        return
+    margins, info = loop.margins(), loop.step_info()
+    assert ours.phase_margin_deg == pytest.approx(margins.phase_margin_deg, abs=0.1)
+    assert ours.gain_margin == pytest.approx(margins.gain_margin, rel=0.01)
+    ticks = len(ours.step) - 1
+    assert ours.step == pytest.approx(np.ravel(loop.step_response(ticks).outputs), abs=1e-9)
+    assert ours.rise_time_s == pytest.approx(info.rise_time_s)
+    assert ours.overshoot_percent == pytest.approx(info.overshoot_percent, abs=0.1)
+
+
+def test_the_text_tells_margins_and_what_more_gain_does() -> None:
+    drawing, text = gains_help(VALUES, VALUES)
+    assert drawing.count("<svg") == 3
+    assert drawing.count("class='edited'") == drawing.count("class='used'") == 3
+    now, more_kp, more_ki = (float(found) for found in re.findall(r"[Pp]hase margin (\d+)°", text))
+    assert more_ki < now
+    assert more_kp != now
+    assert "20 % more ki" in text
+    assert "Unstable" in gains_help({**VALUES, "kp": 60.0, "ki": 30.0}, VALUES)[1]
+
+
+@pytest.mark.parametrize("changed", [{"kv": 0.0}, {"ka": 0.0}, {"kp": None}, {"kp": math.nan}])
+def test_without_a_model_it_says_so(changed: dict[str, float]) -> None:
+    assert gains_help({**VALUES, **changed}, VALUES) == ("", NO_MODEL)
+
+
+def test_a_slider_changes_drawing_and_text(page: Page, robot: FakeRobot) -> None:
+    page.click(".tp-tab-gains")
+    text = page.locator(".tp-gainshelp p")
+    expect(text).to_contain_text("Phase margin")
+    before = text.inner_text()
+    curve = "document.querySelector('.tp-loop polyline.edited').getAttribute('points')"
+    points = page.evaluate(curve)
+    page.locator("[data-gain=ki]").fill("3")
+    expect(text).not_to_have_text(before)
+    page.wait_for_function(f"{curve} !== {points!r}")
+    assert page.evaluate(curve.replace("edited", "used")) == points  # what the board uses
