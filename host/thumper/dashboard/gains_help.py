@@ -10,7 +10,7 @@ from thumper.common.geometry import FloatArray
 from thumper.dashboard.loop_response import STEP_S, LoopResponse, loop_response
 
 GAINS = ("kp", "ki", "kv", "ka")
-MORE = 1.2  # the factor whose effect the text tells
+MORE = 1.2  # the factor whose effect the text shows
 DRAWN = 4  # each fourth point
 WIDTH, HEIGHT, LEFT, TOP, BOTTOM = 340, 92, 34, 17, 8  # of one plot
 SPEEDS, LEVELS_dB, PHASES_deg = (0.0, 0.5, 1.0, 1.5), (-20, 0, 20, 40), (-270, -180, -90, 0)

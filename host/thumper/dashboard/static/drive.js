@@ -8,6 +8,7 @@ const DEADBAND = 0.1;
 const EXPO = 0.3; // share of the cubic term
 const KNOB_TRAVEL = 0.7; // of the joystick's radius
 const AXES = { forward: 1, turn: 2 }; // indices of the browser's standard gamepad mapping
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const BUTTONS = { deadman: 4, turbo: 5, stop: 1, override: 2, arm: 9 };
 
 // Joystick curve: deadband, then linear plus cubic (fine control at low speed).
@@ -43,7 +44,7 @@ class ManualDrive {
 
   build(root) {
     root.innerHTML = `
-      <div class="tp-stick" role="slider" aria-label="joystick" tabindex="-1"><div class="tp-knob"></div></div>
+      <div class="tp-stick" role="application" aria-label="joystick: hold arrow keys to drive" tabindex="0"><div class="tp-knob"></div></div>
       <div class="tp-stickside">
         <label class="tp-check"><input type="checkbox"> Turbo</label>
         <button type="button" class="tp-override" title="Hold this button or Shift to drive although something is in the way">Hold: ignore obstacles</button>
@@ -67,10 +68,32 @@ class ManualDrive {
       this.area.setPointerCapture(event.pointerId);
       this.moveJoystick(event);
     });
+    this.addKeys();
     this.area.addEventListener("pointermove", (event) => { if (this.joystick) this.moveJoystick(event); });
     for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
       this.area.addEventListener(name, () => this.release());
     }
+  }
+
+  // While the joystick has the focus, arrow keys drive as long as they are held.
+  addKeys() {
+    const held = new Set();
+    const onKey = (event, isDown) => {
+      if (!(event.key in ARROWS)) return;
+      event.preventDefault();
+      held[isDown ? "add" : "delete"](event.key);
+      const sum = [0, 1].map((axis) => [...held].reduce((total, key) => total + ARROWS[key][axis], 0));
+      if (held.size) this.setJoystick(...sum);
+      else this.release();
+    };
+    this.area.addEventListener("keydown", (event) => onKey(event, true));
+    this.area.addEventListener("keyup", (event) => onKey(event, false));
+    const end = () => {
+      held.clear();
+      if (this.joystick) this.release();
+    };
+    this.area.addEventListener("blur", end);
+    window.addEventListener("blur", end);
   }
 
   moveJoystick(event) {
@@ -80,6 +103,11 @@ class ManualDrive {
     let dy = (event.clientY - box.top - radius) / (KNOB_TRAVEL * radius);
     const length = Math.hypot(dx, dy);
     if (length > 1) [dx, dy] = [dx / length, dy / length];
+    this.setJoystick(dx, dy);
+  }
+
+  // Deflect the joystick: right and down, 1 at most.
+  setJoystick(dx, dy) {
     this.joystick = [-dy, -dx];
     this.knob.style.setProperty("--dx", dx);
     this.knob.style.setProperty("--dy", dy);

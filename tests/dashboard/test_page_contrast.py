@@ -1,0 +1,76 @@
+"""WCAG AA: contrast of all text in both themes and all states of the page; names; keyboard alone."""
+
+import time
+from pathlib import Path
+
+import pytest
+from benchmarks.shared.browser import Server, open_page
+from benchmarks.shared.fake_robot import FakeRobot
+from benchmarks.shared.live import until
+from playwright.sync_api import Browser, Page, expect
+
+from tests.dashboard.test_map_edits import save_room
+from thumper.board.messages import Fault
+from thumper.runtime.requests import Velocity
+
+TABS = ("drive", "map", "gains", "tune", "sim", "log", "system")
+POOR = (Path(__file__).parent / "contrast.js").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_all_text_can_be_read(
+    browser: Browser, server: Server, robot: FakeRobot, library: Path, theme: str
+) -> None:
+    robot.reset()
+    if not (library / "hut.yaml").exists():
+        save_room(library, "hut")
+    context = browser.new_context(viewport={"width": 1440, "height": 900}, color_scheme=theme)  # type: ignore[arg-type]
+    page = context.new_page()
+    maps = [{"name": "hut", "MB": 0.1, "saved_s": time.time()}]
+    page.route("**/library", lambda route: route.fulfill(json={"maps": maps, "recordings": []}))
+    open_page(page, server)
+    assert page.evaluate("document.body.classList.contains('body--dark')") == (theme == "dark")
+    problems = {}
+    for tab in TABS:
+        page.click(f".tp-tab-{tab}")
+        page.wait_for_timeout(300)  # Quasar fades the tab
+        problems[tab] = page.evaluate(POOR)
+    page.click("[data-tool=layers]")
+    page.keyboard.press("?")
+    problems["layers, shortcuts"] = page.evaluate(POOR)
+    page.keyboard.press("Escape")
+    page.click(".tp-tab-map")
+    page.click("[aria-label='Edit the map hut']")
+    expect(page.locator("#tp-banner")).to_contain_text("Editing")
+    problems["editor"] = page.evaluate(POOR)
+    page.click("[aria-label='Delete hut']")
+    robot.battery_V, robot.fault, robot.fault_words, robot.fault_cure = (
+        6.4,
+        Fault.E_STOP,
+        "e stop",
+        "press Arm",
+    )
+    robot.simulated = False
+    try:
+        page.keyboard.press("Escape")
+        expect(page.locator("#tp-banner")).to_contain_text("Real robot")
+        expect(page.locator(".tp-fault")).to_be_visible()
+        problems["fault"] = page.evaluate(POOR)
+    finally:
+        robot.simulated = True
+        context.close()
+    assert not any(problems.values()), problems
+
+
+def test_arrow_keys_drive_while_the_joystick_has_the_focus(page: Page, robot: FakeRobot) -> None:
+    page.locator(".tp-stick").focus()
+    page.keyboard.down("ArrowUp")
+    until(lambda: any(request.twist.v_m_s > 0.0 for request in robot.received_of(Velocity)))
+    page.keyboard.press("Tab")  # the focus leaves: the robot stops, though the key is still down
+    until(lambda: robot.received_of(Velocity)[-1].twist.v_m_s == 0.0)
+    page.keyboard.up("ArrowUp")
+    page.locator(".tp-stick").focus()
+    page.keyboard.down("ArrowLeft")
+    until(lambda: robot.received_of(Velocity)[-1].twist.w_rad_s > 0.0)
+    page.keyboard.up("ArrowLeft")
+    until(lambda: robot.received_of(Velocity)[-1].twist.w_rad_s == 0.0)
