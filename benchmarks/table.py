@@ -49,6 +49,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "bus": ("",),
     "recording": ("",),
     "dashboard": ("",),
+    "page_load": ("",),
 }
 """The options of each run, in the order of the table."""
 HEAD = "| benchmark | what | ours | aim | others | load |\n" + "|---" * 6 + "|\n"
