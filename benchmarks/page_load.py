@@ -4,14 +4,19 @@ Run: python benchmarks/page_load.py [--loads 5]
 """
 
 import argparse
+import sys
 import tempfile
 from pathlib import Path
 from statistics import median
 
+from playwright.sync_api import Browser, sync_playwright
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.figure import figure
 from benchmarks.shared.browser import CHROMIUM, FLAGS, Server, open_page
 from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import free_port
-from playwright.sync_api import Browser, sync_playwright
 
 PAINT_S = "performance.getEntriesByName('first-contentful-paint')[0].startTime / 1000"
 
