@@ -68,9 +68,9 @@ def post(client: Client, content: Any, name: str = "room") -> Any:
 def test_a_rotated_map_is_saved_with_zones_places_and_session(client: Client, folder: Path) -> None:
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     edits = [
-        {"kind": "rotate", "angle_deg": 90.0},
-        {"kind": "unknown", "corners_m": [-2.0, 2.0, -1.0, 3.0]},
-        {"kind": "crop", "corners_m": [-1.5, 0.0, 0.0, 3.0]},
+        {"edit": "rotate", "angle_deg": 90.0},
+        {"edit": "unknown", "corners_m": [-2.0, 2.0, -1.0, 3.0]},
+        {"edit": "crop", "corners_m": [-1.5, 0.0, 0.0, 3.0]},
     ]
     assert post(client, {"edits": edits, "save_as": "turned"}).status_code == 200
     grid = load_map(folder / "turned.yaml")
@@ -97,12 +97,12 @@ def test_a_rotated_map_is_saved_with_zones_places_and_session(client: Client, fo
         {"edits": [], "save_as": "room"},  # taken
         {"edits": [], "save_as": "../room2"},
         {"edits": [], "save_as": ""},
-        {"edits": [{"kind": "rotate", "angle_deg": 1e9}]},
-        {"edits": [{"kind": "rotate", "angle_deg": "90"}]},
-        {"edits": [{"kind": "free", "corners_m": [0.0, 0.0, 1.0]}]},
-        {"edits": [{"kind": "free", "corners_m": [9.0, 9.0, 9.5, 9.5]}]},  # outside the map
-        {"edits": [{"kind": "paint", "corners_m": [0.0, 0.0, 1.0, 1.0]}]},
-        {"edits": [{"kind": "rotate", "angle_deg": 1.0}] * (MAX_EDITS + 1)},
+        {"edits": [{"edit": "rotate", "angle_deg": 1e9}]},
+        {"edits": [{"edit": "rotate", "angle_deg": "90"}]},
+        {"edits": [{"edit": "free", "corners_m": [0.0, 0.0, 1.0]}]},
+        {"edits": [{"edit": "free", "corners_m": [9.0, 9.0, 9.5, 9.5]}]},  # outside the map
+        {"edits": [{"edit": "paint", "corners_m": [0.0, 0.0, 1.0, 1.0]}]},
+        {"edits": [{"edit": "rotate", "angle_deg": 1.0}] * (MAX_EDITS + 1)},
         {"edits": [], "path": "/etc/passwd"},
         [],
     ],

@@ -38,14 +38,14 @@ class _Strict(BaseModel):
 class BoxEdit(_Strict):
     """Keep only a box, or set the state of its cells; corners in the map as edited so far."""
 
-    kind: Literal["crop", "free", "wall", "unknown"]
+    edit: Literal["crop", "free", "wall", "unknown"]
     corners_m: Annotated[list[Metres], Field(min_length=4, max_length=4)]  # x0, y0, x1, y1
 
 
 class Rotation(_Strict):
     """Rotate counter-clockwise about the origin of the map's frame."""
 
-    kind: Literal["rotate"]
+    edit: Literal["rotate"]
     angle_deg: Annotated[FiniteFloat, Field(ge=-360.0, le=360.0)]
 
 
@@ -108,8 +108,8 @@ def edited(path: Path, edits: list[BoxEdit | Rotation]) -> EditedMap:
         else:
             x0_m, y0_m, x1_m, y1_m = step.corners_m
             box = edit.Box(x0_m=x0_m, y0_m=y0_m, x1_m=x1_m, y1_m=y1_m)
-            crops = step.kind == "crop"  # which moves nothing: zones and places keep their positions
-            grid = edit.crop(grid, box) if crops else edit.fill_box(grid, box, STATES[step.kind])
+            crops = step.edit == "crop"  # which moves nothing: zones and places keep their positions
+            grid = edit.crop(grid, box) if crops else edit.fill_box(grid, box, STATES[step.edit])
     return EditedMap(grid=grid, annotations=annotations, rotation_rad=rotation_rad)
 
 

@@ -26,7 +26,7 @@ class MapEditor {
     [this.kind, this.angle, this.newName] = this.bar.querySelectorAll("select, input");
     const click = (name, action) => this.bar.querySelector(`[data-${name}]`).addEventListener("click", action);
     for (const event of ["focus", "change"]) this.kind.addEventListener(event, () => this.startBox()); // after panning
-    click("rotate", () => this.add({ kind: "rotate", angle_deg: Number(this.angle.value) }));
+    click("rotate", () => this.add({ edit: "rotate", angle_deg: Number(this.angle.value) }));
     click("undo", () => this.change(this.edits.slice(0, -1)));
     click("end", () => this.close());
     this.bar.addEventListener("submit", (event) => {
@@ -63,7 +63,7 @@ class MapEditor {
   }
 
   startBox() {
-    this.view.tools.startBox((corners_m) => this.add({ kind: this.kind.value, corners_m }));
+    this.view.tools.startBox((corners_m) => this.add({ edit: this.kind.value, corners_m }));
   }
 
   hide() {
