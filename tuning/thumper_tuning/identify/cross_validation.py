@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
-from thumper_tuning.identify.fit import Fit, refit
-from thumper_tuning.identify.least_squares import FitData, are_shown
+from thumper_tuning.identify.fit import Fit, residuals_of_refit
+from thumper_tuning.identify.least_squares import are_shown
 from thumper_tuning.identify.segments import LogSegment, all_speeds
 from thumper_tuning.logs.motor_log import BoolArray
 
@@ -28,8 +28,7 @@ def cross_validate(segments: list[LogSegment], fit: Fit) -> Validation:
 
     The prediction uses only the drive from the start of each segment on. Glitches are not counted.
     """
-    data = FitData(segments=segments, instantaneous=fit.instantaneous)
-    return validate(segments, fit, lambda use: data.residuals(refit(segments, fit, use)))
+    return validate(segments, fit, lambda use: residuals_of_refit(segments, fit, use))
 
 
 def validate(

@@ -11,8 +11,8 @@ from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
 from thumper_tuning.logs.units import FULL_PWM, log_error
 
 RECORD = (
-    "record 20 s or more at 10 Hz or faster: steps to three levels forward and the same backward, with "
-    "pauses, then random switching between two levels (`thumper tune record` does exactly this)"
+    "record at least 20 s at 10 Hz or faster: steps to three levels in both directions, then random "
+    "switching between two levels, as `thumper tune record` does"
 )
 MIN_WINDOWS = 30
 MIN_PARTIAL_WINDOWS = 15
@@ -107,6 +107,11 @@ def check_result(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, large
         A parameter is not determined or impossible, or the model does not describe the log.
     """
     model, std = fit.model, fit.uncertainty
+    if fit.at_limit:
+        raise undetermined(
+            f"{name}: the log does not determine the {fit.at_limit}: the fit ends at its limit; "
+            f"check the units, and that one clock stamps drive and speed; {RECORD}"
+        )
     if fit_percent < MIN_FIT_PERCENT:
         raise log_error(
             f"{name}: the model explains only {max(fit_percent, 0.0):.0f} % of held-out speeds: check "

@@ -10,11 +10,13 @@ from thumper_tuning.identify.initial_guess import InitialGuess, initial_guesses
 from thumper_tuning.identify.least_squares import FitData, solve, weights
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.segments import LogSegment
+from thumper_tuning.identify.sensor_window import with_window_spread
 from thumper_tuning.logs.motor_log import BoolArray
 
 GLITCH_SIGMAS = 8.0
 BREAKAWAY_RATIOS = (1.0, 1.15, 1.3, 1.45, 1.6)
 MAX_GUESSES = 3
+START_WINDOWS_S = 0.05, 0.1, 0.2  # of filtered speeds, beside those of a row and of instantaneous speeds
 SIGNIFICANT_DELAY_SIGMAS = 4.0
 
 
@@ -24,24 +26,39 @@ class Fit:
 
     model: MotorModel
     uncertainty: Uncertainty
-    instantaneous: bool  # the log holds instantaneous speeds, not means over the row's interval
+    sensor_window_s: float | None  # averaging time of the logged speeds; None: of counts, over their windows
+    at_limit: str  # the parameter that ends at a limit of the search and is not determined, or empty
     scale_rad_s: float  # robust standard deviation of the residuals
     cost: float  # mean absolute residual [rad/s]
     residual_rad_s: FloatArray  # all windows of all segments, shape (n,)
     is_glitch: BoolArray  # (n,)
 
 
-def fit_motor(segments: list[LogSegment], *, instantaneous: bool) -> Fit | None:
-    """Fit from the best initial guesses; None if no guess explains anything (the drive moves nothing)."""
-    data = FitData(segments=segments, instantaneous=instantaneous)
-    fits = [_fit_from(data, guess) for guess in initial_guesses(data)[:MAX_GUESSES]]
+def fit_motor(segments: list[LogSegment]) -> Fit | None:
+    """Fit from the best initial guesses; None if no guess explains anything (the drive moves nothing).
+
+    The guesses of a log of speeds have several sensor's windows; the fit then estimates the window.
+    """
+    data = FitData(segments=segments)
+    starts = [data.with_sensor_window(window_s) for window_s in _start_windows_s(data)]
+    guesses = [(guess, start) for start in starts for guess in initial_guesses(start)]
+    guesses.sort(key=lambda found: found[0].residual_rad_s)
+    fits = [_fit_from(start, guess) for guess, start in guesses[:MAX_GUESSES]]
     return min(fits, key=lambda fit: fit.cost) if fits else None
 
 
-def refit(segments: list[LogSegment], fit: Fit, use: BoolArray) -> MotorModel:
-    """Fit again, starting from a fit, to the windows that `use` marks; for cross-validation."""
-    data = FitData(segments=segments, instantaneous=fit.instantaneous)
-    return solve(data, fit.model, use & ~fit.is_glitch, fit.scale_rad_s)[0]
+def _start_windows_s(data: FitData) -> list[float | None]:
+    row_s = data.sensor_window_s
+    if row_s is None:
+        return [None]
+    return [0.0, row_s, *[window_s for window_s in START_WINDOWS_S if window_s > 1.5 * row_s]]
+
+
+def residuals_of_refit(segments: list[LogSegment], fit: Fit, use: BoolArray) -> FloatArray:
+    """Fit again, from a fit, to the windows that `use` marks; return all residuals, for cross-validation."""
+    data = FitData(segments=segments).with_sensor_window(fit.sensor_window_s)
+    found = solve(data, fit.model, use & ~fit.is_glitch, fit.scale_rad_s)
+    return data.with_sensor_window(found.sensor_window_s).residuals(found.model)
 
 
 def _fit_from(data: FitData, guess: InitialGuess) -> Fit:
@@ -49,7 +66,8 @@ def _fit_from(data: FitData, guess: InitialGuess) -> Fit:
     quantum = _quantum(data.segments)
     use = np.ones(len(data.speed_rad_s), dtype=bool)
     for round_ in range(3):
-        model, _ = solve(data, model, use, scale)
+        found = solve(data, model, use, scale)
+        model, data = found.model, data.with_sensor_window(found.sensor_window_s)
         if round_ == 0:
             model = _with_breakaway(data, model, scale)
         residual = data.residuals(model)
@@ -58,17 +76,20 @@ def _fit_from(data: FitData, guess: InitialGuess) -> Fit:
         # Without the glitches, the remaining residuals are the model's own and no outliers. Nor is rounding
         # to whole counts: a loss that discounts residuals of one count is biased.
         scale = max(std, float(np.sqrt(np.mean(residual[use] ** 2))), 1.5 * quantum)
-    model, uncertainty = solve(data, model, use, scale)
-    if model.delay_s < SIGNIFICANT_DELAY_SIGMAS * uncertainty.delay_s:
+    found = solve(data, model, use, scale)
+    uncertainty = found.uncertainty
+    if found.sensor_window_s is None and found.model.delay_s < SIGNIFICANT_DELAY_SIGMAS * uncertainty.delay_s:
         # The delay is not significant. Without it the other parameters are more certain.
-        delay_std_s = uncertainty.delay_s
-        model, uncertainty = solve(data, replace(model, delay_s=0.0), use, scale, free_delay=False)
-        uncertainty = replace(uncertainty, delay_s=delay_std_s)
+        found = solve(data, replace(found.model, delay_s=0.0), use, scale, free_delay=False)
+        uncertainty = replace(found.uncertainty, delay_s=uncertainty.delay_s)
+    model, data = found.model, data.with_sensor_window(found.sensor_window_s)
+    uncertainty = with_window_spread(uncertainty, data, model, use, scale)
     residual = data.residuals(model)
     return Fit(
         model=model,
         uncertainty=uncertainty,
-        instantaneous=data.instantaneous,
+        sensor_window_s=found.sensor_window_s,
+        at_limit=found.at_limit,
         scale_rad_s=scale,
         cost=float(np.mean(np.abs(residual) * weights(data.segments))),
         residual_rad_s=residual,

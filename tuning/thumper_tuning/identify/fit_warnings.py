@@ -17,7 +17,8 @@ LAGS = 20
 FEEDBACK_SIGMAS = 4.0
 MIN_FIT_PERCENT, MIN_KIND_PERCENT = 85.0, 75.0  # of all speeds; of ramps, steps or random switching alone
 INSEPARABLE = 0.2  # of the time constant
-MIN_SENSOR_WINDOW_S = 0.015
+MIN_SENSOR_WINDOW_S = 0.03
+SENSOR_SIGMAS, FILTERED_ROWS, INSTANTANEOUS_ROWS = 2.0, 1.2, 0.5
 MAX_AUTOCORRELATION = 0.6  # a first-order wheel with torque ripple stays below it after one time constant
 
 
@@ -31,7 +32,7 @@ def fit_warnings(
     """Return the warnings, most important first; none for a good log."""
     return [
         *_saturation_warnings(segments),
-        *_validation_warnings(segments, fit, validation, fit_percent_by_kind),
+        *_validation_warnings(logs, segments, fit, validation, fit_percent_by_kind),
         *_delay_warnings(fit),
         *_rate_warnings(segments, fit),
         *_feedback_warnings(logs, segments, fit, validation),
@@ -53,7 +54,11 @@ def _saturation_warnings(segments: list[LogSegment]) -> Iterator[str]:
 
 
 def _validation_warnings(
-    segments: list[LogSegment], fit: Fit, validation: Validation, fit_percent_by_kind: dict[str, float]
+    logs: list[MotorLog],
+    segments: list[LogSegment],
+    fit: Fit,
+    validation: Validation,
+    fit_percent_by_kind: dict[str, float],
 ) -> Iterator[str]:
     worst = min(fit_percent_by_kind, key=lambda kind: fit_percent_by_kind[kind], default="")
     if validation.fit_percent < MIN_FIT_PERCENT:
@@ -68,13 +73,16 @@ def _validation_warnings(
     glitches = int(fit.is_glitch.sum())
     if glitches:
         yield f"{glitches} of {len(all_speeds(segments))} speeds are glitches: left out"
-    sensor_window_s = segments[0].sensor_window_s
-    if sensor_window_s > 2.0 * MIN_SENSOR_WINDOW_S:
-        yield (
-            f"the logged speeds are averaged over {1e3 * sensor_window_s:.0f} ms: log counts or raw speeds"
-        )
-    elif fit.instantaneous and sensor_window_s == 0.0:
-        yield "the speeds fit better as instantaneous values than as means over the row's interval"
+    if fit.sensor_window_s is not None:
+        yield from _sensor_warnings(fit.sensor_window_s, fit.uncertainty.sensor_window_s, logs)
+
+
+def _sensor_warnings(window_s: float, std_s: float, logs: list[MotorLog]) -> Iterator[str]:
+    row_s = max(log.period_s for log in logs)
+    if window_s - SENSOR_SIGMAS * std_s > max(FILTERED_ROWS * row_s, MIN_SENSOR_WINDOW_S):
+        yield f"the logged speeds are averaged over {1e3 * window_s:.0f} ms: log counts or raw speeds"
+    elif window_s + SENSOR_SIGMAS * std_s < INSTANTANEOUS_ROWS * row_s:
+        yield "the logged speeds are instantaneous values, not means over the row's interval"
 
 
 def _delay_warnings(fit: Fit) -> Iterator[str]:
@@ -160,7 +168,7 @@ def _friction_warnings(unit: DriveUnit, fit: Fit) -> Iterator[str]:
 def _residual_warnings(segments: list[LogSegment], fit: Fit, validation: Validation) -> Iterator[str]:
     # Torque noise passes the motor, so its effect lasts a time constant, and as long as a sensor averages it.
     # Counting alone gives a negative correlation at lag 1: a count missing in one window is in the next.
-    lasts_s = fit.model.time_constant_s + segments[0].sensor_window_s
+    lasts_s = fit.model.time_constant_s + (fit.sensor_window_s or 0.0)
     first = max(math.ceil(lasts_s / median_window_s(segments) - 1e-9), 1)
     correlation = autocorrelation(validation.residual_rad_s[~fit.is_glitch], first + LAGS)
     if float(np.max(correlation[first - 1 :], initial=0.0)) > MAX_AUTOCORRELATION:

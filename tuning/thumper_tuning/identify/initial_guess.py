@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper_tuning.identify.least_squares import FitData
+from thumper_tuning.identify.least_squares import MAX_DELAY_S, FitData
 from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.motor_response import DriveSignal, MotorParameters, simulate
 from thumper_tuning.identify.prediction import observe
@@ -19,9 +19,15 @@ from thumper_tuning.identify.segments import LogSegment
 
 TIME_CONSTANTS_S = np.geomspace(0.005, 2.0, 18)
 DELAYS_PERIODS = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 5.0)
+LONG_DELAYS_S = (0.1, 0.2, 0.4)  # of a log with fast rows
 REWEIGHTINGS = 6
-MAX_DELAY_S = 0.6
 GLITCH_FACTOR = 3.0  # speeds this far above the usual fast ones are glitches
+
+
+def delays_s(period_s: float) -> list[float]:
+    """Return the delays to start from, for a log whose windows last so long."""
+    short_s = [min(periods * period_s, MAX_DELAY_S) for periods in DELAYS_PERIODS]
+    return short_s + [delay_s for delay_s in LONG_DELAYS_S if delay_s > short_s[-1]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,11 +54,10 @@ def initial_guesses(data: FitData) -> list[InitialGuess]:
     plausible &= ~np.concatenate([s.is_clipped for s in data.segments])
     moving = 0.03 * float(np.percentile(np.abs(y), 95))
     found = []
-    for periods in DELAYS_PERIODS:
-        delay_s = min(periods * period_s, MAX_DELAY_S)
+    for delay_s in delays_s(period_s):
         best: InitialGuess | None = None
         for tau_s in time_constants_s:
-            filters = _Filters(tau_s=tau_s, delay_s=delay_s, instantaneous=data.instantaneous)
+            filters = _Filters(tau_s=tau_s, delay_s=delay_s)
             X = np.concatenate([filters.regressors(s, moving) for s in data.segments])
             theta, residual = _fit_l1(X[plausible], y[plausible])
             if theta[0] <= 0.0 or (best is not None and residual >= best.residual_rad_s):
@@ -84,7 +89,6 @@ class _Filters:
 
     tau_s: float
     delay_s: float
-    instantaneous: bool
 
     def regressors(self, s: LogSegment, moving_rad_s: float) -> FloatArray:
         """Return filtered drive and filtered signs of motion, shape (n, 3)."""
@@ -111,9 +115,7 @@ class _Filters:
             breakaway_ratio=1.0,
             delay_s=self.delay_s,
         )
-        return observe(
-            s, lambda t, w: simulate(signal, t, w, one_pole), initial, instantaneous=self.instantaneous
-        )
+        return observe(s, lambda t, w: simulate(signal, t, w, one_pole), initial)
 
 
 def _fit_l1(X: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:

@@ -13,15 +13,17 @@ from thumper_tuning.identify.segments import LogSegment, all_speeds, median_wind
 from thumper_tuning.logs.motor_log import BoolArray
 
 DIFFERENCE_STEP = 1e-5
+TIME_CONSTANT_LIMITS_S = 0.001, 20.0
+MAX_DELAY_S, MAX_DELAY_PERIODS = 0.6, 8.0  # or so many windows, if that is longer; of a sensor's window, too
+LIMIT_MARGIN = 1e-3  # a variable this near to a limit ends there
 BOUND_MARGIN = 1e-6  # the solver must start inside the bounds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FitData:
-    """What a fit is made to: the segments, and how their speeds are to be read."""
+    """What a fit is made to: the segments, whose sensor's window says how to read their speeds."""
 
     segments: list[LogSegment]
-    instantaneous: bool  # the log holds instantaneous speeds, not means over the windows
 
     @property
     def speed_rad_s(self) -> FloatArray:
@@ -35,9 +37,16 @@ class FitData:
 
     def residuals(self, model: MotorModel) -> FloatArray:
         """Return measured minus predicted speed of every window [rad/s], shape (n,)."""
-        return np.concatenate(
-            [s.speed_rad_s - predict(s, model, instantaneous=self.instantaneous) for s in self.segments]
-        )
+        return np.concatenate([s.speed_rad_s - predict(s, model) for s in self.segments])
+
+    @property
+    def sensor_window_s(self) -> float | None:
+        """Averaging time of the logged speeds; None: of counts, over their own windows."""
+        return self.segments[0].sensor_window_s
+
+    def with_sensor_window(self, window_s: float | None) -> "FitData":
+        """Return the same data with another averaging time."""
+        return FitData(segments=[replace(s, sensor_window_s=window_s) for s in self.segments])
 
 
 def weights(segments: list[LogSegment]) -> FloatArray:
@@ -89,14 +98,14 @@ class Scaling:
         ]
 
     def model(self, x: FloatArray, start: MotorModel) -> MotorModel:
-        """Return the model of the variables x; the delay of `start` if x has only four."""
+        """Return the model of the variables x."""
         return replace(
             start,
             gain=start.gain * float(np.exp(x[0])),
             time_constant_s=start.time_constant_s * float(np.exp(x[1])),
             friction_forward=float(x[2]) * self.drive,
             friction_backward=float(x[3]) * self.drive,
-            delay_s=float(x[4]) * self.period_s if len(x) > 4 else start.delay_s,
+            delay_s=float(x[4]) * self.period_s,
         )
 
 
@@ -126,15 +135,30 @@ def minimize_soft_l1(
     return result
 
 
+def longest_periods(period_s: float) -> float:
+    """Return the longest delay, or sensor's window, that the fit looks for [windows]."""
+    return max(MAX_DELAY_PERIODS, MAX_DELAY_S / period_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solution:
+    """The fitted model, and the averaging time of the logged speeds; None: of counts."""
+
+    model: MotorModel
+    sensor_window_s: float | None
+    uncertainty: Uncertainty
+    at_limit: str = ""  # the parameter that ends at a limit of the search: it is not determined
+
+
 def solve(
     data: FitData, start: MotorModel, use: BoolArray, scale_rad_s: float, *, free_delay: bool = True
-) -> tuple[MotorModel, Uncertainty]:
-    """Fit the windows that `use` marks, from `start`.
+) -> Solution:
+    """Fit the windows that `use` marks, from `start` and the sensor's window of `data`.
 
     Parameters
     ----------
     data : FitData
-        The log.
+        The log. If it is of speeds, the sensor's window is fitted, too.
     start : MotorModel
         Initial guess.
     use : ndarray of bool, shape (n,)
@@ -146,31 +170,64 @@ def solve(
     """
     scaling = Scaling.from_segments(data.segments)
     weight = weights(data.segments)[use]
+    has_window = data.sensor_window_s is not None
+    x0 = np.array([*scaling.variables(start), (data.sensor_window_s or 0.0) / scaling.period_s])
+    least, most = np.log(np.array(TIME_CONSTANT_LIMITS_S) / start.time_constant_s)
+    low = np.array([-2.0, least, -1.5, -1.5, 0.0, 0.0])
+    high = np.array(
+        [2.0, most, 0.98, 0.98, longest_periods(scaling.period_s), longest_periods(scaling.period_s)]
+    )
+    free = np.array([True, True, True, True, free_delay, has_window])
+
+    def all_of(x: FloatArray) -> FloatArray:
+        found = x0.copy()
+        found[free] = x
+        return found
+
+    def window_s(x: FloatArray) -> float | None:
+        return float(all_of(x)[5]) * scaling.period_s if has_window else None
 
     def scaled_residuals(x: FloatArray) -> FloatArray:
-        return data.residuals(scaling.model(x, start))[use] * weight / scale_rad_s
+        residual = data.with_sensor_window(window_s(x)).residuals(scaling.model(all_of(x), start))
+        return residual[use] * weight / scale_rad_s
 
-    low, high = [-2.0, -3.0, -1.5, -1.5, 0.0], [2.0, 3.0, 0.98, 0.98, 8.0]
-    count = 5 if free_delay else 4
-    low, high = low[:count], high[:count]
     x = minimize_soft_l1(
         scaled_residuals,
-        scaling.variables(start)[:count],
-        (low, high),
-        [0.1, 0.2, 0.05, 0.05, 0.2],
+        x0[free].tolist(),
+        (low[free].tolist(), high[free].tolist()),
+        np.array([0.1, 0.2, 0.05, 0.05, 0.2, 0.2])[free].tolist(),
         diff_step=DIFFERENCE_STEP,
         max_nfev=60,
     )
-    model = scaling.model(x, start)
-    J = jacobian(scaled_residuals, x, np.array(low), np.array(high))
-    covariance = sandwich_covariance(J, scaled_residuals(x))
+    model = scaling.model(all_of(x), start)
+    covariance = np.zeros((len(x0), len(x0)))
+    J = jacobian(scaled_residuals, x, low[free], high[free])
+    covariance[np.ix_(free, free)] = sandwich_covariance(J, scaled_residuals(x))
     std = np.sqrt(np.diag(covariance))
     friction_std = float(np.sqrt(max(covariance[2:4, 2:4].sum(), 0.0))) * 0.5  # of the mean of both
-    return model, Uncertainty(
+    uncertainty = Uncertainty(
         gain=model.gain * float(std[0]),
         time_constant_s=model.time_constant_s * float(std[1]),
         friction=friction_std * scaling.drive,
-        delay_s=float(std[4]) * scaling.period_s if free_delay else 0.0,
+        delay_s=float(std[4]) * scaling.period_s,
         friction_forward=float(std[2]) * scaling.drive,
         friction_backward=float(std[3]) * scaling.drive,
+        sensor_window_s=float(std[5]) * scaling.period_s,
     )
+    return Solution(
+        model=model,
+        sensor_window_s=window_s(x),
+        uncertainty=uncertainty,
+        at_limit=_at_limit(all_of(x), low, high),
+    )
+
+
+def _at_limit(x: FloatArray, low: FloatArray, high: FloatArray) -> str:
+    """Return the name of a parameter at a limit of the search, or an empty string.
+
+    The lower limit of delay and sensor's window, zero, is a value like any other.
+    """
+    names = ("gain", "time constant", "forward friction", "backward friction", "delay", "sensor window")
+    near_low, near_high = x - low < LIMIT_MARGIN, high - x < LIMIT_MARGIN
+    near_low[4:] = False
+    return next((name for name, near in zip(names, near_low | near_high, strict=True) if near), "")

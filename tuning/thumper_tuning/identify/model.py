@@ -60,3 +60,4 @@ class Uncertainty:
     delay_s: float
     friction_forward: float
     friction_backward: float
+    sensor_window_s: float = 0.0  # of the averaging time of the logged speeds; 0: of counts

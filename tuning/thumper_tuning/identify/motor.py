@@ -20,8 +20,7 @@ from thumper_tuning.identify.fit_warnings import fit_warnings
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.richer_models import RicherModel, fit_richer_models, fit_second_order
 from thumper_tuning.identify.saturation import with_ceiling
-from thumper_tuning.identify.segments import LogSegment, speed_stride, split_segments
-from thumper_tuning.identify.sensor_window import fit_sensor_window, rms_residual
+from thumper_tuning.identify.segments import LogSegment, is_regular, split_segments, with_sensor_window
 from thumper_tuning.identify.stretches import fit_by_kind
 from thumper_tuning.identify.systems import continuous_system, counted_system, friction_system
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
@@ -29,9 +28,6 @@ from thumper_tuning.logs.units import log_error
 
 if TYPE_CHECKING:
     import control
-
-INSTANTANEOUS_COST_RATIO = 0.97  # speeds count as instantaneous only if they fit this much better
-WINDOW_RMS_RATIO = 0.985  # the same for a sensor's window
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,8 +50,8 @@ class IdentifiedMotor:
 
     @property
     def sensor_window_s(self) -> float:
-        """The time over which the logged speeds are averaged, beyond the row's interval; 0: none found."""
-        return self.segments[0].sensor_window_s if self.segments[0].sensor_window_s > self.period_s else 0.0
+        """The time over which the logged speeds are averaged; 0: instantaneous, or not logged but counted."""
+        return self.fit.sensor_window_s or 0.0
 
     @property
     def friction_by_direction(self) -> dict[str, tuple[float, float] | None]:
@@ -111,11 +107,12 @@ def identify(logs: list[MotorLog]) -> IdentifiedMotor:
     segments, reversed_sign = signed_segments(logs)
     check_excitation(logs, segments)
     one_direction = turns_one_way(segments)
-    fit, segments = _best_fit(logs, segments)
+    fit = _best_fit(segments)
     if fit is None:
         raise log_error(
             f"{name}: the speed does not follow the drive; check columns, units and sign; {RECORD}"
         )
+    segments = with_sensor_window(segments, fit.sensor_window_s)
     if one_direction:
         fit = _one_sided(fit, segments)
     validation = cross_validate(segments, fit)
@@ -176,29 +173,21 @@ def _with_hidden_delay(fit: Fit) -> Uncertainty:
     A delay that small is part of the fitted time constant.
     """
     std = fit.uncertainty
-    if fit.model.delay_s > 0.0:
+    if fit.model.delay_s > 0.0 or fit.sensor_window_s is not None:
         return std
     return replace(std, time_constant_s=math.hypot(std.time_constant_s, std.delay_s))
 
 
-def _best_fit(logs: list[MotorLog], segments: list[LogSegment]) -> tuple[Fit | None, list[LogSegment]]:
-    """Return the best fit, and the segments with the sensor's window that it found."""
-    if logs[0].position_rad is not None:
-        return fit_motor(segments, instantaneous=False), segments
-    # A row's mean: over its interval, which is a part of the window if rows were left out.
-    stride = max(speed_stride(log) for log in logs)
-    row_s = max(log.period_s for log in logs)
-    means = [replace(s, sensor_window_s=row_s) for s in segments] if stride > 1 else segments
-    mean = fit_motor(means, instantaneous=stride > 1)
-    instantaneous = fit_motor(segments, instantaneous=True)
-    if mean is None or instantaneous is None:
-        return (mean, means) if mean is not None else (instantaneous, segments)
-    better = instantaneous.cost < INSTANTANEOUS_COST_RATIO * mean.cost
-    best, of_best = (instantaneous, segments) if better else (mean, means)
-    filtered, with_window = fit_sensor_window(segments, row_s)
-    if filtered is not None and rms_residual(filtered) < WINDOW_RMS_RATIO * rms_residual(best):
-        return filtered, with_window
-    return best, of_best
+def _best_fit(segments: list[LogSegment]) -> Fit | None:
+    """Return the fit; of irregular rows of speeds, that which reads them better.
+
+    Each speed is the mean over one time, the sensor's window, or over its own row's interval.
+    """
+    fit = fit_motor(segments)
+    if fit is None or fit.sensor_window_s is None or is_regular(segments):
+        return fit
+    over_rows = fit_motor(with_sensor_window(segments, None))
+    return fit if over_rows is None or fit.cost <= over_rows.cost else over_rows
 
 
 def _one_sided(fit: Fit, segments: list[LogSegment]) -> Fit:

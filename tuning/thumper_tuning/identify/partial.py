@@ -16,10 +16,10 @@ from thumper_tuning.identify.covariance import jacobian, sandwich_covariance
 from thumper_tuning.identify.cross_validation import fit_percent
 from thumper_tuning.identify.excitation_checks import RECORD, UndeterminedError
 from thumper_tuning.identify.fit import GLITCH_SIGMAS, SIGNIFICANT_DELAY_SIGMAS, find_glitches
-from thumper_tuning.identify.initial_guess import DELAYS_PERIODS, MAX_DELAY_S, TIME_CONSTANTS_S
-from thumper_tuning.identify.least_squares import FitData, minimize_soft_l1, weights
+from thumper_tuning.identify.initial_guess import TIME_CONSTANTS_S, delays_s
+from thumper_tuning.identify.least_squares import FitData, longest_periods, minimize_soft_l1, weights
 from thumper_tuning.identify.model import MotorModel
-from thumper_tuning.identify.motor import INSTANTANEOUS_COST_RATIO, signed_segments
+from thumper_tuning.identify.motor import signed_segments
 from thumper_tuning.identify.segments import LogSegment, median_window_s
 from thumper_tuning.identify.systems import continuous_system, counted_system
 from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 MIN_FIT_PERCENT = 60.0
 SETTLED_TIME_CONSTANTS = 4.0
 MAX_RELATIVE_STD = 0.5
+UNIFORM_STD = 3.0**-0.5  # of a uniform distribution about one of its ends, per width
 SAME_LEVEL = 0.03
 ASSUMED_FRICTION = 0.15  # of the drive: the share that a small geared motor loses at a half to full drive
 
@@ -57,6 +58,7 @@ class PartialMotor:
     fit_percent: float  # of the fitted windows: too little data to hold out
     warnings: tuple[str, ...]
     not_determined: tuple[str, ...]
+    reason: str  # why not
     record_next: str
     columns: tuple[str, ...]
 
@@ -89,12 +91,15 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
     """
     name, unit = logs[0].name, logs[0].drive_unit
     segments, _ = signed_segments(logs)
-    fits = [_fit(FitData(segments=segments, instantaneous=kind)) for kind in (False, True)]
-    mean, instantaneous = fits
-    better = instantaneous.cost < INSTANTANEOUS_COST_RATIO * mean.cost
-    best = instantaneous if better and logs[0].position_rad is None else mean
+    data = FitData(segments=segments)
+    # So little data does not tell a sensor's window: a speed is a mean over up to a row's interval.
+    windows_s = {data.sensor_window_s, 0.0} if data.sensor_window_s is not None else {None}
+    fits = {window_s: _fit(data.with_sensor_window(window_s)) for window_s in windows_s}
+    window_s = min(fits, key=lambda w: fits[w].cost)
+    best = fits[window_s]
     model, std = best.model, best.std
-    friction_s = _effect_of_friction_s(FitData(segments=segments, instantaneous=best is instantaneous), best)
+    spread = UNIFORM_STD * np.ptp([(f.model.time_constant_s, f.model.delay_s) for f in fits.values()], axis=0)
+    friction_s = _effect_of_friction_s(data.with_sensor_window(window_s), best)
     if best.fit_percent < MIN_FIT_PERCENT or not 0.0 < std[1] <= MAX_RELATIVE_STD:
         raise reason
     warnings = [warning for log in logs for warning in log.warnings]
@@ -112,14 +117,15 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
         name=name,
         unit=unit,
         model=model,
-        time_constant_std_s=math.hypot(model.time_constant_s * float(std[1]), friction_s),
-        delay_std_s=float(std[2]) * median_window_s(segments),
+        time_constant_std_s=math.hypot(model.time_constant_s * float(std[1]), friction_s, float(spread[0])),
+        delay_std_s=math.hypot(float(std[2]) * median_window_s(segments), float(spread[1])),
         period_s=round(float(np.median([log.period_s for log in logs])), 9),
         steady=tuple(_steady_speeds(segments, model, best.use)),
         fit_percent=best.fit_percent,
         warnings=tuple(warnings),
         not_determined=tuple(not_determined),
-        record_next=f"{str(reason).split(';')[0].removeprefix(f'{name}: ')}; {RECORD}",
+        reason=str(reason).split(";")[0].removeprefix(f"{name}: "),
+        record_next=f"{RECORD[0].upper()}{RECORD[1:]}.",
         columns=logs[0].columns,
     )
 
@@ -216,7 +222,7 @@ class _Problem:
         )
 
     def bounds(self, count: int) -> tuple[list[float], list[float]]:
-        high = [1.0, 6.0, MAX_DELAY_S / self.data.period_s + 1.0]
+        high = [1.0, 6.0, longest_periods(self.data.period_s)]
         return [-1.0, -6.0, 0.0][:count], high[:count]
 
     def residuals(self, x: FloatArray, use: BoolArray, scale: float) -> FloatArray:
@@ -246,14 +252,14 @@ def _initial(data: FitData) -> MotorModel:
     plausible &= ~np.concatenate([s.is_clipped for s in data.segments])
     data = replace(data, segments=[replace(s, ceiling_rad_s=np.inf) for s in data.segments])
     best, best_cost = None, np.inf
-    for periods in DELAYS_PERIODS:
+    for delay_s in delays_s(data.period_s):
         for tau_s in TIME_CONSTANTS_S:
             unit = MotorModel(
                 gain=1.0,
                 time_constant_s=float(tau_s),
                 friction_forward=0.0,
                 friction_backward=0.0,
-                delay_s=min(periods * data.period_s, MAX_DELAY_S),
+                delay_s=delay_s,
             )
             predicted = y - data.residuals(unit)
             power = float(predicted[plausible] @ predicted[plausible])

@@ -87,32 +87,30 @@ def fit_second_order(segments: list[LogSegment], fit: Fit) -> RicherModel:
     return min(found, key=lambda model: _cost(segments, fit, model))
 
 
-def predict_richer(s: LogSegment, model: RicherModel, *, instantaneous: bool) -> FloatArray:
+def predict_richer(s: LogSegment, model: RicherModel) -> FloatArray:
     """Return the speeds of all windows of a segment [rad/s], read as `predict` reads them."""
     motor, extra = motor_parameters(model.base), model.extra
 
     def response(time_s: FloatArray, omega: float) -> tuple[FloatArray, FloatArray]:
         return simulate_richer(s.drive_signal, time_s, omega, motor, extra)
 
-    return predict_by(response, s, model.base, instantaneous=instantaneous)
+    return predict_by(response, s, model.base)
 
 
-def _residuals(segments: list[LogSegment], fit: Fit, model: RicherModel) -> FloatArray:
-    return np.concatenate(
-        [s.speed_rad_s - predict_richer(s, model, instantaneous=fit.instantaneous) for s in segments]
-    )
+def _residuals(segments: list[LogSegment], model: RicherModel) -> FloatArray:
+    return np.concatenate([s.speed_rad_s - predict_richer(s, model) for s in segments])
 
 
 def _cost(segments: list[LogSegment], fit: Fit, model: RicherModel) -> float:
     use = ~fit.is_glitch
-    scaled = (_residuals(segments, fit, model) * weights(segments))[use] / fit.scale_rad_s
+    scaled = (_residuals(segments, model) * weights(segments))[use] / fit.scale_rad_s
     return float(np.sum(np.sqrt(1.0 + scaled**2)))
 
 
 def _validated(segments: list[LogSegment], fit: Fit, found: RicherModel) -> RicherModel:
     use = ~fit.is_glitch
     validation = validate(
-        segments, fit, lambda kept: _residuals(segments, fit, _solve(segments, fit, found, use & kept))
+        segments, fit, lambda kept: _residuals(segments, _solve(segments, fit, found, use & kept))
     )
     return replace(found, fit_percent=validation.fit_percent)
 
@@ -128,7 +126,7 @@ def _solve(segments: list[LogSegment], fit: Fit, start: RicherModel, use: BoolAr
         x0, model_of = [*x0, 0.0, start.motor_share], _backlash_from(start, scaling)
         low, high = [*low, 0.02], [*high, 1.0]
     x = minimize_soft_l1(
-        lambda x: _residuals(segments, fit, model_of(x))[use] * weight,
+        lambda x: _residuals(segments, model_of(x))[use] * weight,
         x0,
         (low, high),
         [0.1, 0.2, 0.05, 0.05, 0.2, 0.3, 0.2],

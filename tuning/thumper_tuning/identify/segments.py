@@ -1,7 +1,7 @@
 """Split a log into segments without gaps: the drive, and mean speeds over windows."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ COARSE_COUNTS = 4.0  # with fewer counts per window the fit would mostly see rou
 MAX_MERGED_WINDOW_S = 0.05  # ... but longer windows would hide the time constant
 # Of a log with more rows of speeds than this, only every n-th is fitted: the others only cost time.
 MANY_ROWS, MAX_SPEED_PERIOD_S = 2000, 0.025
+IRREGULAR = 0.05  # rows: this share of them differs by this share
 AT_REST_QUANTA = 0.6
 MIN_STILL_ROWS = 6
 SLOW = 0.02  # of the usual speed: noise of a motor that has not started yet
@@ -28,7 +29,8 @@ class LogSegment:
     """Part of a log without a gap.
 
     The drive is `drive[i]` from `change_s[i]` on. Window j is from `edge_s[j]` to `edge_s[j + 1]`.
-    `speed_rad_s[j]` is the mean over the window, or in a log of instantaneous speeds the speed at its end.
+    `speed_rad_s[j]` is the mean over the window, or in a log of speeds
+    over the sensor's window before its end.
     """
 
     change_s: FloatArray  # (m,)
@@ -38,8 +40,9 @@ class LogSegment:
     edge_s: FloatArray  # (n + 1,)
     speed_rad_s: FloatArray  # (n,)
     quantum_rad_s: float  # one count per median window; 0: unknown
-    # In a log of instantaneous speeds: each is a mean over this time before its edge, by the sensor's filter.
-    sensor_window_s: float = 0.0
+    # In a log of speeds: each is the mean over this time before its edge; 0: the speed at the edge. The fit
+    # estimates it, from a row's interval on. None: the mean over the window, as of counts.
+    sensor_window_s: float | None = None
     ceiling_rad_s: float = math.inf  # the logger clipped speeds beyond it
 
     @property
@@ -71,6 +74,20 @@ def median_window_s(segments: list[LogSegment]) -> float:
 def all_speeds(segments: list[LogSegment]) -> FloatArray:
     """Return the speeds of all windows of all segments, shape (n,)."""
     return np.concatenate([s.speed_rad_s for s in segments])
+
+
+def is_regular(segments: list[LogSegment]) -> bool:
+    """Return whether nearly all windows last the same."""
+    windows_s = np.concatenate([s.windows_s for s in segments])
+    return (
+        float(np.mean(np.abs(windows_s - np.median(windows_s)) > IRREGULAR * np.median(windows_s)))
+        < IRREGULAR
+    )
+
+
+def with_sensor_window(segments: list[LogSegment], window_s: float | None) -> list[LogSegment]:
+    """Return the segments with another averaging time of their speeds; None: over their own windows."""
+    return [replace(s, sensor_window_s=window_s) for s in segments]
 
 
 def split_segments(log: MotorLog) -> list[LogSegment]:
@@ -152,6 +169,7 @@ def _segment(log: MotorLog, rows: slice) -> LogSegment | None:
         edge_s=edge_s,
         speed_rad_s=speed,
         quantum_rad_s=_quantum(log, speed, np.diff(edge_s)),
+        sensor_window_s=log.period_s if log.position_rad is None else None,
     )
 
 

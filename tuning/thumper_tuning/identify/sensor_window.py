@@ -1,49 +1,61 @@
-"""Fit logs whose speeds were averaged over an unknown time, as of a filtered sensor or a motor controller."""
+"""The part of delay and sensor's window that a log of speeds does not tell apart.
 
+While drive and rows have one clock, and delay plus window fit into a row, no speed tells them apart: only
+`delay + tau ln((e^(W/tau) - 1) / (W/tau))` shows. The likelihood is flat along this line, so its curvature
+does not give the standard deviation; its values along the line do.
+"""
+
+import math
 from dataclasses import replace
 
 import numpy as np
 
-from thumper_tuning.identify.fit import Fit, fit_motor
-from thumper_tuning.identify.initial_guess import initial_guesses
-from thumper_tuning.identify.least_squares import FitData
-from thumper_tuning.identify.segments import LogSegment
+from thumper.common.geometry import FloatArray
+from thumper_tuning.identify.least_squares import FitData, weights
+from thumper_tuning.identify.model import MotorModel, Uncertainty
+from thumper_tuning.logs.motor_log import BoolArray
 
-WINDOWS_S = (0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.3)
-REFINEMENTS = (0.85, 1.18)  # of the best window of the grid
-MAX_PERIOD_S = 0.04  # slower logs do not show a window
-
-
-def fit_sensor_window(segments: list[LogSegment], row_s: float) -> tuple[Fit | None, list[LogSegment]]:
-    """Return the fit with the best window, and the segments with it; None if rows are too slow to show it.
-
-    The initial guesses decide between the windows of a grid, and full fits between those around the best.
-    """
-    if row_s > MAX_PERIOD_S:
-        return None, segments
-    ranked = []
-    for window_s in WINDOWS_S:
-        if window_s > row_s:
-            guesses = initial_guesses(FitData(segments=_with(segments, window_s), instantaneous=True))
-            ranked += [(guesses[0].residual_rad_s, window_s)] if guesses else []
-    if not ranked:
-        return None, segments
-    best_s = min(ranked)[1]
-    fits = []
-    for window_s in (best_s, *(best_s * factor for factor in REFINEMENTS)):
-        fit = fit_motor(_with(segments, window_s), instantaneous=True)
-        if fit is not None:
-            fits.append((rms_residual(fit), window_s, fit))
-    if not fits:
-        return None, segments
-    _, window_s, fit = min(fits, key=lambda found: found[0])
-    return fit, _with(segments, window_s)
+POINTS = 16
+MAX_CORRELATION = 0.9
 
 
-def rms_residual(fit: Fit) -> float:
-    """Return the rms residual without glitches; unlike a mean of absolutes, the steps decide it."""
-    return float(np.sqrt(np.mean(fit.residual_rad_s[~fit.is_glitch] ** 2)))
+def with_window_spread(
+    uncertainty: Uncertainty, data: FitData, model: MotorModel, use: BoolArray, scale_rad_s: float
+) -> Uncertainty:
+    """Add how far window and delay may be along the line, each weighted by the likelihood."""
+    window_s = data.sensor_window_s
+    if window_s is None:
+        return uncertainty
+    tau_s = model.time_constant_s
+    total_s = model.delay_s + _mean_age_s(window_s, tau_s)
+    grid_s = np.linspace(0.0, 2.0 * total_s, POINTS)
+    pairs = [(w, total_s - _mean_age_s(w, tau_s)) for w in grid_s.tolist()]
+    pairs = [(window_s, model.delay_s), *[(w, delay_s) for w, delay_s in pairs if delay_s >= 0.0]]
+    minus_log = np.array(
+        [
+            _minus_log_likelihood(data.with_sensor_window(w), replace(model, delay_s=d), use, scale_rad_s)
+            for w, d in pairs
+        ]
+    )
+    weight = np.exp(np.minimum(minus_log[0] - minus_log, 0.0))
+    offsets = np.array(pairs) - pairs[0]
+    spread = np.sqrt(weight @ offsets**2 / weight.sum())
+    return replace(
+        uncertainty,
+        sensor_window_s=math.hypot(uncertainty.sensor_window_s, float(spread[0])),
+        delay_s=math.hypot(uncertainty.delay_s, float(spread[1])),
+    )
 
 
-def _with(segments: list[LogSegment], window_s: float) -> list[LogSegment]:
-    return [replace(s, sensor_window_s=window_s) for s in segments]
+def _mean_age_s(window_s: float, tau_s: float) -> float:
+    """Return the delay that has the effect of a window on a first-order lag: half of it, if it is short."""
+    x = window_s / tau_s
+    return tau_s * math.log(math.expm1(x) / x) if x > 1e-6 else 0.5 * window_s
+
+
+def _minus_log_likelihood(data: FitData, model: MotorModel, use: BoolArray, scale_rad_s: float) -> float:
+    residual: FloatArray = data.residuals(model)[use] * weights(data.segments)[use] / scale_rad_s
+    correlation = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-12)
+    correlation = min(max(correlation, 0.0), MAX_CORRELATION)
+    loss = float(np.sum(np.sqrt(1.0 + residual**2) - 1.0))
+    return loss * (1.0 - correlation) / (1.0 + correlation)

@@ -59,7 +59,7 @@ NAMES = {
     ),
     Quantity.COUNTS: (
         "counts", "count", "ticks", "tick", "encoder", "enc", "position", "pos", "steps", "pulses", "angle",
-        "theta", "posicion", "pulsos", "cuentas", "winkel", "angulo",
+        "theta", "phi", "posicion", "pulsos", "cuentas", "winkel", "angulo",
     ),
     Quantity.COUNTS_PER_ROW: (
         "delta counts", "counts delta", "counts per row", "dcounts", "delta ticks", "dticks",
@@ -74,6 +74,8 @@ NAMES = {
     Quantity.BATTERY: ("battery", "vbat", "supply", "battery voltage", "vbatt", "bus voltage", "bateria"),
     Quantity.DIRECTION: ("direction", "dir", "richtung", "direccion", "direcao", "sens"),
 }  # fmt: skip
+BY_UNIT = frozenset(("y", "output"))  # only the unit says what they are
+BY_UNIT_OF = (Quantity.SPEED, Quantity.COUNTS, Quantity.PWM, Quantity.VOLTAGE)
 SETPOINTS = frozenset(
     ("setpoint", "target", "reference", "ref", "desired", "goal", "sp", "sollwert", "consigna")
 )
@@ -136,6 +138,10 @@ def _is_side(word: str) -> bool:
 def _named(header: str, index: int, words: list[str], motor: str) -> Column | None:
     for cut in range(len(words), 0, -1):
         name, unit = " ".join(words[:cut]), " ".join(words[cut:])
+        if name in BY_UNIT and unit:
+            columns = (_with_unit(header, index, quantity, name, unit, motor) for quantity in BY_UNIT_OF)
+            if known := next((c for c in columns if c is not None and not c.unknown_unit), None):
+                return known
         for quantity, names in NAMES.items():
             if name in names and (column := _with_unit(header, index, quantity, name, unit, motor)):
                 return column
@@ -216,7 +222,7 @@ def _unit_or_default(quantity: Quantity, name: str, unit: str) -> str:
     return unit or (name if name in units else next(iter(units)))
 
 
-LETTERS = str.maketrans({"µ": "u", "μ": "u", "ß": "ss", "ł": "l", "Ł": "L"})  # NFKD leaves these
+LETTERS = str.maketrans({"µ": "u", "μ": "u", "ß": "ss", "ł": "l", "Ł": "L", "°": "deg"})  # NFKD leaves these
 
 
 def _words(header: str) -> list[str]:

@@ -4,8 +4,11 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.sampling import IntArray
+from thumper_tuning.logs.units import log_error
 
 COUNTER_BITS = (8, 16, 24, 32)
+TURN_MARGIN = 0.1  # a wrapped angle comes this near to both ends of its turn
+MAX_TURNS_PER_ROW = 0.42
 MIN_RANGE_USED = 0.9  # a counter that wraps uses at least this share of its range
 
 
@@ -38,6 +41,39 @@ def unwrap(counts: FloatArray) -> tuple[FloatArray, int]:
             result[known] = values[0] + np.concatenate(([0.0], np.cumsum(np.where(jumps, wrapped, steps))))
             return result, bits
     return counts, 0
+
+
+def unwrap_turns(turns: FloatArray) -> tuple[FloatArray, bool]:
+    """Undo the wraps of an angle that stays within one turn, from 0 or from -1/2; NaN stays NaN.
+
+    Returns
+    -------
+    tuple
+        The angle without jumps [turns], and whether it wraps.
+
+    Raises
+    ------
+    ThumperError
+        It turns by nearly half a turn per row: its direction is not known.
+    """
+    known = np.flatnonzero(np.isfinite(turns))
+    values = turns[known]
+    low, high = float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
+    steps = np.diff(values)
+    jumps = np.abs(steps) > 0.5
+    within = (
+        min(abs(low), abs(low + 0.5)) < TURN_MARGIN and high <= round(2.0 * low) / 2.0 + 1.0 + TURN_MARGIN
+    )
+    if not within or not jumps.any() or high - low < MIN_RANGE_USED:
+        return turns, False
+    wrapped = (steps + 0.5) % 1.0 - 0.5
+    if float(np.percentile(np.abs(wrapped), 99)) > MAX_TURNS_PER_ROW:
+        raise log_error(
+            "the angle wraps each turn and moves by nearly half a turn per row: log it faster, or log counts"
+        )
+    result = turns.copy()
+    result[known] = values[0] + np.concatenate(([0.0], np.cumsum(wrapped)))
+    return result, True
 
 
 def find_resets(counts: FloatArray) -> IntArray:

@@ -9,7 +9,7 @@ from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.columns import UNITS, Column, Quantity
 from thumper_tuning.logs.drive_timing import WARNING as DRIVE_SHIFTED
 from thumper_tuning.logs.drive_timing import acts_before_its_row, shifted
-from thumper_tuning.logs.encoder_counts import find_resets, look_like_counts_per_row, unwrap
+from thumper_tuning.logs.encoder_counts import find_resets, look_like_counts_per_row, unwrap, unwrap_turns
 from thumper_tuning.logs.matlab import read_matlab
 from thumper_tuning.logs.mcap_table import read_mcap_table
 from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
@@ -125,7 +125,7 @@ def _motor_log(
         position = np.cumsum(counts) * 2.0 * np.pi / counts_per_rev
         quantum_rad = 2.0 * np.pi / counts_per_rev
     else:
-        counts = _continuous_counts(rows)
+        counts = _continuous_counts(rows, counts_per_rev if columns.output.needs_encoder else 1.0)
         position = counts * (quantum_rad if columns.output.needs_encoder else 2.0 * np.pi)
     motion = speed if position is None else np.diff(position, prepend=position[0])
     if motion is not None and acts_before_its_row(rows.drive, motion, rows.starts_segment):
@@ -221,9 +221,12 @@ def _has_counts_per_row(rows: _Rows, output: Column) -> bool:
     return True
 
 
-def _continuous_counts(rows: _Rows) -> FloatArray:
-    """Undo counter wraps, and start a new segment at each reset."""
-    counts, bits = unwrap(rows.output)
+def _continuous_counts(rows: _Rows, per_turn: float) -> FloatArray:
+    """Undo the wraps of a counter or an angle, and start a new segment at each reset."""
+    turns, wraps = unwrap_turns(rows.output / per_turn)
+    counts, bits = (turns * per_turn, 0) if wraps else unwrap(rows.output)
+    if wraps:
+        rows.warnings.append("the angle wraps each turn: unwrapped")
     if bits:
         rows.warnings.append(f"the counter wraps at {bits} bits: unwrapped")
     resets = find_resets(counts)

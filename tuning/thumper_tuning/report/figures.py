@@ -78,7 +78,7 @@ def data_and_model(motor: IdentifiedMotor) -> Figure:
     for k, s in enumerate(motor.segments):
         offset_s = min(start_s, s.edge_s[0])  # in a second run the clock may start again
         middle_s = 0.5 * (s.edge_s[1:] + s.edge_s[:-1]) - offset_s
-        predicted = predict(s, motor.model, instantaneous=motor.fit.instantaneous)
+        predicted = predict(s, motor.model)
         labels = ("measured", "model") if k == 0 else (None, None)
         speed.plot(middle_s, s.speed_rad_s, ".", color=MEASURED, ms=4, label=labels[0])
         speed.plot(middle_s, predicted, color=MODEL, lw=1, label=labels[1])

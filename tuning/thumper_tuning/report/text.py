@@ -21,7 +21,9 @@ def motor_lines(motor: IdentifiedMotor) -> list[str]:
         f"{direction} {found[0]:.2f}" if found is not None else f"{direction} not determined"
         for direction, found in motor.friction_by_direction.items()
     )
-    window = [f"  sensor window    {motor.sensor_window_s:9.4f} s"] if motor.sensor_window_s else []
+    window = []
+    if motor.fit.sensor_window_s is not None:
+        window = [f"  sensor window    {motor.sensor_window_s:9.4f} +- {std.sensor_window_s:.4f} s"]
     return [
         f"{motor.name}: predicts held-out speeds to {motor.validation.fit_percent:.1f} % "
         f"(each stretch about its own mean: {kinds})",
@@ -49,8 +51,8 @@ def partial_lines(motor: PartialMotor) -> list[str]:
             f"  speed            {s.speed_rad_s:9.3f} +- {s.std_rad_s:.3f} rad/s at {s.drive:g} {unit}"
             for s in motor.steady
         ],
-        f"  not determined   {', '.join(motor.not_determined)}",
-        f"  record next: {motor.record_next}",
+        f"  not determined   {', '.join(motor.not_determined)}: {motor.reason}",
+        f"  record next      {motor.record_next}",
         *[f"  note: {warning}" for warning in motor.warnings],
         *[f"  read {line}" for line in motor.columns],
     ]
