@@ -31,12 +31,12 @@ from thumper_tuning.drive.record import record
 from thumper_tuning.drive.verify import Verification, VerifyOptions, verify
 from thumper_tuning.identify.cross_validation import fit_percent
 from thumper_tuning.identify.excitation_checks import UndeterminedError
-from thumper_tuning.identify.fit import fit_motor
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.motor import identify
 from thumper_tuning.identify.partial import identify_partly
+from thumper_tuning.identify.prediction import predict
 from thumper_tuning.identify.richer_models import fit_richer_models
-from thumper_tuning.identify.segments import LogSegment, split_segments
+from thumper_tuning.identify.segments import LogSegment, split_segments, with_sensor_window
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.logs.read import read_logs
 
@@ -44,7 +44,6 @@ DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).resolve().parents[2] /
 SEEDS = 20
 LEAST_PERIOD_S = 0.02  # of the rows for the other methods
 LEAST_MOTION = 0.2  # of the most moving run: less says nothing of a model
-WINDOW_S = 0.1  # averaging time of the filtered speeds, found from both steps
 EMPTY = 0.05  # charge: 6.7 V open-circuit, the lowest that does not stop under load
 EXACT = Uncertainty(
     gain=0.0, time_constant_s=0.0, friction=0.0, delay_s=0.0, friction_forward=0.0, friction_backward=0.0
@@ -108,7 +107,9 @@ def recorded() -> None:
     for k, log in enumerate(steps):
         model = identify(steps[:k] + steps[k + 1 :])
         for s in split_segments(log):
-            held_out.append(s.speed_rad_s - _predict(s, model.model, model.fit.instantaneous))
+            held_out.append(
+                s.speed_rad_s - predict(with_sensor_window([s], model.fit.sensor_window_s)[0], model.model)
+            )
             measured.append(s.speed_rad_s)
     percent = fit_percent(np.concatenate(measured), np.concatenate(held_out))
     print(f"geared motor, each whole step predicted from the four others: {percent:.1f} %")
@@ -173,8 +174,8 @@ def _our_model(log: MotorLog) -> tuple[MotorModel, Runs]:
         motor = identify([log])
     except UndeterminedError as reason:
         model = identify_partly([log], reason).model
-        return model, _runs(list(split_segments(log)), model, instantaneous=log.position_rad is None)
-    return motor.model, _runs(list(motor.segments), motor.model, instantaneous=motor.fit.instantaneous)
+        return model, _runs(with_sensor_window(split_segments(log), _instants(log)), model)
+    return motor.model, _runs(list(motor.segments), motor.model)
 
 
 def _other_model(found: tuple[float, float, float], log: MotorLog) -> tuple[MotorModel, Runs]:
@@ -185,16 +186,21 @@ def _other_model(found: tuple[float, float, float], log: MotorLog) -> tuple[Moto
     model = MotorModel(
         gain=gain, time_constant_s=tau_s, friction_forward=friction, friction_backward=friction
     )
-    readings = [_runs(split_segments(log), model, instantaneous=kind) for kind in (False, True)]
+    readings = [_runs(with_sensor_window(split_segments(log), window_s), model) for window_s in (None, 0.0)]
     return model, min(readings, key=lambda runs: sum(float(residual @ residual) for _, residual in runs))
 
 
-def _runs(segments: list[LogSegment], model: MotorModel, *, instantaneous: bool) -> Runs:
+def _instants(log: MotorLog) -> float | None:
+    """Return the sensor's window of instantaneous speeds; None for positions."""
+    return 0.0 if log.position_rad is None else None
+
+
+def _runs(segments: list[LogSegment], model: MotorModel) -> Runs:
     runs = []
     for s in segments:
         y = s.speed_rad_s
         plausible = np.abs(y) <= 1.25 * np.percentile(np.abs(y), 95)  # two speeds of one log are glitches
-        runs.append((y[plausible], (y - _predict(s, model, instantaneous))[plausible]))
+        runs.append((y[plausible], (y - predict(s, model))[plausible]))
     return runs
 
 
@@ -259,30 +265,19 @@ def _late_speeds() -> None:
         )
         (whole,) = split_segments(alone)
         motor = identify([rest])
-        found = [(motor.fit, motor.segments[0].sensor_window_s)]
-        segments = [replace(s, sensor_window_s=WINDOW_S) for s in split_segments(rest)]
-        fit = fit_motor(segments, instantaneous=True)
-        found += [(fit, WINDOW_S)] if fit is not None else []
-        for fit, window_s in found:
-            step = replace(whole, sensor_window_s=window_s)
-            percents = {
-                delay_s: fit_percent(
-                    step.speed_rad_s,
-                    step.speed_rad_s - _predict(step, replace(fit.model, delay_s=delay_s), fit.instantaneous),
-                )
-                for delay_s in (fit.model.delay_s, *np.arange(0.03, 0.13, 0.001).tolist())
-            }
-            own_s = max(percents, key=lambda delay_s: percents[delay_s])
-            figure(f"filtered speeds, step {held_out - 1} from the other, window {1e3 * window_s:.0f} ms",
-                   f"{percents[fit.model.delay_s]:.1f}", "%", aim="88")  # fmt: skip
-            figure(f"  with its own delay, {1e3 * own_s:.0f} ms instead of {1e3 * fit.model.delay_s:.0f} ms",
-                   f"{percents[own_s]:.1f}", "%")  # fmt: skip
-
-
-def _predict(s: LogSegment, model: MotorModel, instantaneous: bool) -> FloatArray:
-    from thumper_tuning.identify.prediction import predict
-
-    return predict(s, model, instantaneous=instantaneous)
+        model, step = motor.model, replace(whole, sensor_window_s=motor.sensor_window_s)
+        percents = {
+            delay_s: fit_percent(
+                step.speed_rad_s, step.speed_rad_s - predict(step, replace(model, delay_s=delay_s))
+            )
+            for delay_s in (model.delay_s, *np.arange(0.03, 0.13, 0.001).tolist())
+        }
+        own_s = max(percents, key=lambda delay_s: percents[delay_s])
+        window = f"{1e3 * motor.sensor_window_s:.0f} +- {1e3 * motor.uncertainty.sensor_window_s:.0f} ms"
+        figure(f"filtered speeds, step {held_out - 1} from the other, window {window}",
+               f"{percents[model.delay_s]:.1f}", "%", aim="88")  # fmt: skip
+        figure(f"  with its own delay, {1e3 * own_s:.0f} ms instead of {1e3 * model.delay_s:.0f} ms",
+               f"{percents[own_s]:.1f}", "%")  # fmt: skip
 
 
 def rules() -> None:

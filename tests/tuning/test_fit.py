@@ -115,7 +115,7 @@ def test_the_uncertainty_covers_the_error() -> None:
     wheel = Wheel(delay_s=0.03)
     scaled = []
     for seed in range(12):
-        fit = fit_motor(split_segments(make_log(wheel, seed)), instantaneous=False)
+        fit = fit_motor(split_segments(make_log(wheel, seed)))
         assert fit is not None
         model, std = fit.model, fit.uncertainty
         scaled.append(

@@ -279,3 +279,40 @@ def test_a_set_point_of_zero_is_no_closed_loop(tmp_path: Path) -> None:
     for target, closed in ((0.0 * PWM, False), (0.1 * PWM, True)):
         path = write(tmp_path / "log.csv", "time_s,Target,pwm,counts", TIME_S, target, PWM, COUNTS)
         assert read_logs(path)[0].has_setpoint is closed
+
+
+@pytest.mark.parametrize(
+    ("header", "values"),
+    [
+        ("theta (rad)", (COUNTS * COUNT_RAD) % (2.0 * np.pi)),
+        ("position (rad)", (COUNTS * COUNT_RAD + np.pi) % (2.0 * np.pi) - np.pi),
+        ("Angle (°)", (COUNTS * 0.3) % 360.0),
+        ("counts", COUNTS % 1200.0),
+    ],
+)
+def test_an_angle_that_wraps_each_turn_is_unwrapped(tmp_path: Path, header: str, values: FloatArray) -> None:
+    path = write(tmp_path / "log.csv", f"time_s,pwm,{header}", TIME_S, PWM, values)
+    log = assert_wheel(read_logs(path))
+    assert "the angle wraps each turn: unwrapped" in log.warnings
+
+
+def test_an_angle_that_wraps_too_fast_for_its_rows_is_rejected(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", "time_s,pwm,theta (rad)", TIME_S, PWM, (COUNTS * 0.1) % (2.0 * np.pi))
+    with pytest.raises(ThumperError, match="nearly half a turn per row: log it faster"):
+        read_logs(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "output", "has_setpoint"),
+    [
+        ("t (s),ref (rad/s),u (PWM),y (rad/s)", SPEED, True),
+        ("t,y_ref,u,y [counts]", COUNTS, True),
+        ("t (s),r (rad/s),u (PWM),y (rad/s)", SPEED, True),
+        ("time_s,error (rad/s),output (PWM),y (rad/s)", SPEED, False),
+    ],
+)
+def test_the_letters_of_a_control_lecture_are_read(
+    tmp_path: Path, header: str, output: FloatArray, has_setpoint: bool
+) -> None:
+    path = write(tmp_path / "log.csv", header, TIME_S, 0.0 * PWM + 3.0, PWM, output)
+    assert assert_wheel(read_logs(path)).has_setpoint == has_setpoint

@@ -49,7 +49,8 @@ def test_a_step_of_full_power_with_glitches() -> None:
     assert "gain_rad_s_per_pwm" in motor.not_determined
     assert any("2 of 298 speeds are glitches" in warning for warning in motor.warnings)
     assert any("same row as the drive" in warning for warning in motor.warnings)
-    assert "steps to three levels" in motor.record_next
+    assert motor.record_next.startswith("Record at least 20 s at 10 Hz or faster: steps to three levels")
+    assert motor.reason.startswith("saturated: the drive is at its limit (255 pwm)")
 
 
 def _partly(logs: list[MotorLog]) -> PartialMotor:
@@ -80,7 +81,7 @@ def test_a_filtered_and_late_speed(held_out: int, percent: float) -> None:
     motor = identify([tests([k for k in range(4) if k != held_out])])
     (step,) = split_segments(tests([held_out]))
     step = replace(step, sensor_window_s=motor.segments[0].sensor_window_s)
-    predicted = predict(step, motor.model, instantaneous=motor.fit.instantaneous)
+    predicted = predict(step, motor.model)
     assert fit_percent(step.speed_rad_s, step.speed_rad_s - predicted) >= percent
     assert motor.model.time_constant_s < 0.05
     assert next(iter(motor.fit_percent_by_kind)) == "steps", "the worst first"

@@ -107,11 +107,6 @@ def check_result(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, large
         A parameter is not determined or impossible, or the model does not describe the log.
     """
     model, std = fit.model, fit.uncertainty
-    if fit.at_limit:
-        raise undetermined(
-            f"{name}: the log does not determine the {fit.at_limit}: the fit ends at its limit; "
-            f"check the units, and that one clock stamps drive and speed; {RECORD}"
-        )
     if fit_percent < MIN_FIT_PERCENT:
         raise log_error(
             f"{name}: the model explains only {max(fit_percent, 0.0):.0f} % of held-out speeds: check "
@@ -121,6 +116,11 @@ def check_result(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, large
         raise log_error(
             f"{name}: the estimated static friction is {model.friction:.3g} {unit.value}: at high drive the "
             "speed hardly follows, it is clipped or limited; log the counts, or record at lower levels"
+        )
+    if fit.at_limit:
+        raise undetermined(
+            f"{name}: the log does not determine the {fit.at_limit}: the fit ends at its limit; "
+            f"check the units, and that one clock stamps drive and speed; {RECORD}"
         )
     uncertain = _uncertain_parameter(model, std)
     if uncertain:

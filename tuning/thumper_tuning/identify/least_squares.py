@@ -203,7 +203,7 @@ def solve(
     covariance = np.zeros((len(x0), len(x0)))
     J = jacobian(scaled_residuals, x, low[free], high[free])
     covariance[np.ix_(free, free)] = sandwich_covariance(J, scaled_residuals(x))
-    std = np.sqrt(np.diag(covariance))
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     friction_std = float(np.sqrt(max(covariance[2:4, 2:4].sum(), 0.0))) * 0.5  # of the mean of both
     uncertainty = Uncertainty(
         gain=model.gain * float(std[0]),

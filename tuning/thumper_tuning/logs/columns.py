@@ -3,7 +3,7 @@
 import math
 import re
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 
@@ -106,6 +106,17 @@ POSITIONS_RAD = {"rad": 1.0, "deg": math.pi / 180.0, "rev": math.tau}
 SIDES = ("left", "right", "l", "r", "front", "rear", "fl", "fr", "rl", "rr")
 NUMBERED = re.compile(r"m[1-9]\d?")
 LONG_SIDES = {"l": "left", "r": "right"}
+
+
+def parse_headers(headers: tuple[str, ...]) -> list[Column]:
+    """Recognize the columns of a table; beside a column `y`, `r` is its set-point and no right wheel."""
+    columns = [column for i, text in enumerate(headers) if (column := parse_header(text, i))]
+    if not any(_words(text)[:1] == ["y"] for text in headers):
+        return columns
+    return [
+        replace(c, quantity=Quantity.SETPOINT, motor="") if _words(c.header)[:1] == ["r"] else c
+        for c in columns
+    ]
 
 
 def parse_header(header: str, index: int) -> Column | None:

@@ -5,7 +5,15 @@ from enum import Enum
 from pathlib import Path
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper_tuning.logs.columns import Column, Quantity, as_column, motor_of, parse_header, unit_error
+from thumper_tuning.logs.columns import (
+    Column,
+    Quantity,
+    as_column,
+    motor_of,
+    parse_header,
+    parse_headers,
+    unit_error,
+)
 from thumper_tuning.logs.motor_log import DriveUnit
 from thumper_tuning.logs.units import log_error
 
@@ -84,7 +92,7 @@ def motor_columns(path: Path, headers: tuple[str, ...], choices: Choices) -> dic
     ThumperError
         A needed column is missing, or its unit is unknown.
     """
-    columns = [column for i, text in enumerate(headers) if (column := parse_header(text, i))]
+    columns = parse_headers(headers)
     picked = {role: [_picked(path, headers, role, text) for text in texts] for role, texts in choices.items()}
     if len(picked.get(Role.OUTPUT, ())) == 1:
         motors = [""]
