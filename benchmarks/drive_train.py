@@ -91,7 +91,7 @@ def estimated(seed: int, preset: str, floor: str) -> DriveTrainEstimate | None:
         with patch.object(monitor, "add", side_effect=_both(ticks.append, monitor.add)):
             for x_m, y_m in GOALS_M:
                 robot.run(drive_to_goal(Goal(x_m=x_m, y_m=y_m), "hall"))
-        for line in monitor.drift_lines():
+        for line in monitor.warnings().values():
             print(f"  reported, {preset} seed {seed}: {line}")
     estimator = DriveTrainEstimator(counts_per_rev=DEFAULT_COUNTS_PER_REV, delay_s=0.5 / 122.0)
     for tick in ticks[:USED_TICKS]:

@@ -24,6 +24,7 @@ class SideFaults:
     blocked: bool = False  # the wheels are jammed
     reversed: bool = False  # the motor leads are swapped
     shorted: bool = False  # the motor leads are shorted
+    friction: float = 1.0  # of wheels and gears, relative to a healthy side
 
 
 class FaultyChip(InstrumentedChip):
@@ -39,6 +40,7 @@ class FaultyChip(InstrumentedChip):
             faults.blocked,
             faults.reversed,
             faults.shorted,
+            faults.friction,
         )
 
     def set_wire_fault(self, side: int, channel: int, fault: WireFault) -> None:

@@ -101,7 +101,7 @@ def load_library() -> ctypes.CDLL:
         "set_attitude": (None, [chip, number, number]),
         "side_faults": (
             None,
-            [chip, ctypes.c_int, number, number, ctypes.c_int, ctypes.c_int, ctypes.c_int],
+            [chip, ctypes.c_int, number, number, ctypes.c_int, ctypes.c_int, ctypes.c_int, number],
         ),
         "swap_channels": (None, [chip, ctypes.c_int, ctypes.c_int]),
         "glitches": (None, [chip, ctypes.c_int, number]),

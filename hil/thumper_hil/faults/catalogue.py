@@ -8,6 +8,7 @@ from thumper.common.geometry import Pose2
 from thumper_hil.chip.chip_faults import WireFault
 from thumper_hil.faults.switches import CHANNELS, SIDES, Switches
 
+DRAGGING = 2.5  # friction of a side with a dragging wheel, relative to a healthy one
 FaultValue = str | float | list[float]
 
 
@@ -106,7 +107,8 @@ def _motor(side: int) -> Choice:
 def _wheels(side: int) -> Choice:
     return Choice(
         actions={
-            "ok": lambda switches: switches.change_side(side, blocked=False),
+            "ok": lambda switches: switches.change_side(side, blocked=False, friction=1.0),
+            "dragging": lambda switches: switches.change_side(side, friction=DRAGGING),
             "blocked": lambda switches: switches.change_side(side, blocked=True),
         }
     )

@@ -74,6 +74,8 @@ class DriveTrainEstimate:
     mean: WheelEstimate
     left: WheelEstimate
     right: WheelEstimate
+    # Left minus right [PWM at 7.4 V]. Only turns in place show it, or curves with one side backward.
+    friction_difference: Estimate | None = None
 
 
 NOTHING = WheelEstimate(gain=None, time_constant_s=None, friction=None)
@@ -233,6 +235,7 @@ class _Bank:
             mean=_side(theta[self.best], covariance, tau, 0.0),
             left=_side(theta[self.best], covariance, tau, -1.0),
             right=_side(theta[self.best], covariance, tau, 1.0),
+            friction_difference=_friction_difference(theta[self.best], covariance),
         )
 
 
@@ -272,6 +275,15 @@ def _side(theta: FloatArray, covariance: FloatArray, tau: Estimate | None, sign:
         time_constant_s=lag if lag is not None and lag.within(MAX_STD["time_constant"]) else None,
         friction=found_friction if 2.0 * found_friction.std <= MAX_FRICTION_STD_PWM else None,
     )
+
+
+def _friction_difference(theta: FloatArray, covariance: FloatArray) -> Estimate | None:
+    if theta[K] <= 0.0:
+        return None
+    value = -2.0 * theta[D] / theta[K]
+    gradient = np.zeros(len(PRIOR))
+    gradient[[K, D]] = -value / theta[K], -2.0 / theta[K]
+    return Estimate(float(value), _std(gradient, covariance))
 
 
 def _std(gradient: FloatArray, covariance: FloatArray) -> float:

@@ -163,10 +163,11 @@ class StateEstimator:
         for kind, lines in (
             ("LEAP", self._jump_filter.summary_lines()),
             ("SLIP", self._slip_detector.summary_lines()),
-            ("WHEELS", self.drive_train.drift_lines() if self.drive_train is not None else []),
         ):
             if lines:
                 warnings[kind] = lines[0]
+        if self.drive_train is not None:
+            warnings |= self.drive_train.warnings()
         if self.mount_check.finding is not None:
             warnings["MOUNT"] = describe(self.mount_check.finding, self._base_from_laser)
         if isinstance(self._odometry, GyroEkf):

@@ -14,8 +14,9 @@ from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import Command, Fault
 from thumper.common.kinematics import WheelSpeeds
 from thumper.odometry.drive_train import DriveTrainEstimate, DriveTrainEstimator, WheelTick
-from thumper.odometry.drive_train_monitor import BoardWheelModel, DriveTrainMonitor
+from thumper.odometry.drive_train_monitor import MAX_RESTARTS, BoardWheelModel, DriveTrainMonitor
 from thumper.runtime.state_estimator import wheel_tick
+from thumper_hil.bench import simulation
 from thumper_hil.chip.robot_params import RobotParams
 
 ROBOT = RobotParams.load()
@@ -25,11 +26,23 @@ GAIN, TIME_CONSTANT_S, FRICTION_PWM = 0.0584, 0.075, 19.3  # wild_thumper.toml
 
 
 @cache
-def driven(name: str, robot: RobotParams, seed: int, seconds: float, varied: bool = True) -> list[WheelTick]:
-    """Drive on the simulated chip, in curves of random speed and yaw rate, or straight on at one speed."""
+def driven(
+    name: str,
+    robot: RobotParams,
+    seed: int,
+    seconds: float,
+    varied: bool = True,
+    dragging: tuple[str, ...] = (),
+) -> list[WheelTick]:
+    """Drive on the simulated chip, in curves of random speed and yaw rate, or straight on at one speed.
+
+    With a dragging side or more it turns in place, too.
+    """
     rng = np.random.default_rng(seed)
     with patch.object(RobotParams, "load", return_value=robot):
         board = Board.open(f"sim://{name}{seed}/board?world=hall&seed={seed}&floor=wood", baud=500_000)
+    for side in dragging:
+        simulation(f"{name}{seed}").fault(f"wheels.{side}", "dragging")
     samples: list[TelemetrySample] = []
     try:
         board.poll(0.3)
@@ -40,6 +53,8 @@ def driven(name: str, robot: RobotParams, seed: int, seconds: float, varied: boo
                 direction = 1.0 if tick % 72 < 36 else -1.0  # back and forth, or it meets a wall
                 mean, half = direction * rng.uniform(1.0, 7.0), rng.choice((0.0, rng.uniform(-1.5, 1.5)))
                 left, right = mean - half, mean + half
+            if dragging and tick % 48 == 36:
+                left, right = (-2.0, 2.0) if tick % 96 < 48 else (2.0, -2.0)
             board.set_wheel_speeds(WheelSpeeds(left_rad_s=left, right_rad_s=right))
             samples += board.poll(0.5)
     finally:
@@ -86,7 +101,7 @@ def monitored(samples: list[WheelTick], model: BoardWheelModel = BOARD_MODEL) ->
     monitor = DriveTrainMonitor(counts_per_rev=1200.0, pwm_frequency_Hz=122.0, feed_forward=model)
     for tick in samples:
         monitor.add(tick)
-    return monitor.drift_lines()
+    return list(monitor.warnings().values())
 
 
 def test_a_robot_as_the_board_knows_it_has_no_drift() -> None:
@@ -99,7 +114,24 @@ def test_dragging_wheels_are_reported_with_the_friction() -> None:
     (line,) = monitored(driven("drags", drags, 1, 60.0))
     assert "PWM against friction, ks is 19" in line
     assert float(line.split(" PWM")[0].split()[-1]) == pytest.approx(2.0 * FRICTION_PWM, abs=3.0)
+    assert "both sides drag, or carpet or a load does" in line
     assert "run `thumper tune`" in line
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_dragging_wheel_is_reported_with_its_side(side: str) -> None:
+    """Its friction is 2.5 times that of the other side: 29 PWM more."""
+    lines = monitored(driven(f"drags_{side}", EQUAL, 1, 45.0, dragging=(side,)))
+    (line,) = (line for line in lines if line.startswith(f"the {side} side needs"))
+    assert float(line.split(" PWM")[0].split()[-1]) == pytest.approx(1.5 * FRICTION_PWM, abs=6.0)
+    assert f"a wheel drags on the {side}" in line
+    assert not any("both sides" in other for other in lines)
+
+
+def test_two_dragging_sides_are_not_taken_for_one() -> None:
+    lines = monitored(driven("drags_both", EQUAL, 1, 45.0, dragging=("left", "right")))
+    assert any("both sides drag, or carpet" in line for line in lines)
+    assert not any("a wheel drags on the" in line for line in lines)
 
 
 def test_other_gains_on_the_board_are_reported() -> None:
@@ -124,7 +156,7 @@ def test_arbitrary_ticks_neither_raise_nor_give_nonsense(ticks: list[WheelTick])
     for tick in ticks:
         time_us = (time_us + tick.time_us) % 2**32
         monitor.add(tick._replace(time_us=time_us))
-        monitor.drift_lines()
+        monitor.warnings()
     if monitor.estimate is not None:
         for wheels in (monitor.estimate.mean, monitor.estimate.left, monitor.estimate.right):
             for found in (wheels.gain, wheels.time_constant_s, wheels.friction):
@@ -134,8 +166,21 @@ def test_arbitrary_ticks_neither_raise_nor_give_nonsense(ticks: list[WheelTick])
 def test_an_error_in_the_estimate_does_not_reach_the_loop() -> None:
     monitor = DriveTrainMonitor(counts_per_rev=1200.0, pwm_frequency_Hz=122.0, feed_forward=BOARD_MODEL)
     samples = driven("ordinary", EQUAL, 1, 60.0)
-    with patch.object(DriveTrainEstimator, "add", side_effect=ValueError):
+    with patch.object(DriveTrainEstimator, "add", side_effect=ValueError("no")):
         monitor.add(samples[0])
+    assert "starts again (ValueError: no)" in monitor.warnings()["WHEELS_FAILED"]
     for tick in samples:
         monitor.add(tick)
+    assert monitor.estimate is not None
+    assert monitor.estimate.mean.gain is not None
+
+
+def test_an_estimate_that_fails_again_and_again_says_that_it_stopped() -> None:
+    monitor = DriveTrainMonitor(counts_per_rev=1200.0, pwm_frequency_Hz=122.0, feed_forward=BOARD_MODEL)
+    samples = driven("ordinary", EQUAL, 1, 60.0)
+    with patch.object(DriveTrainEstimator, "add", side_effect=ValueError) as add:
+        for tick in samples:
+            monitor.add(tick)
+    assert add.call_count == MAX_RESTARTS + 1
+    assert "it stopped" in monitor.warnings()["WHEELS_STOPPED"]
     assert monitor.estimate is None

@@ -107,7 +107,8 @@ void DriveTrain::MoveWheels(const double (&torque_Nm)[2], const double (&damping
   for (int side = 0; side < 2; ++side) {
     const double stick = start[side] == 0.0 ? motor.static_ratio : 1.0;
     const double slip_Nm = body_moves_ ? 0.0 : body.traction_Nm;
-    bound[side] = (motor.motors_per_side * motor.coulomb_Nm * friction_ratio_[side] * stick + slip_Nm) * dt_s;
+    const double friction_Nm = motor.coulomb_Nm * friction_ratio_[side] * faults_[side].friction;
+    bound[side] = (motor.motors_per_side * friction_Nm * stick + slip_Nm) * dt_s;
     constexpr double kJam_Nm = 1e4;  // more than any torque in this model
     if (faults_[side].blocked) bound[side] = kJam_Nm * dt_s;
   }

@@ -7,8 +7,8 @@ using thumper::WireFault;
 extern "C" {
 
 void thumper_side_faults(Chip* chip, int side, double connected, double slip, int blocked, int reversed,
-                         int shorted) {
-  chip->plant()->SetSideFaults(side, {connected, slip, blocked != 0, reversed != 0, shorted != 0});
+                         int shorted, double friction) {
+  chip->plant()->SetSideFaults(side, {connected, slip, blocked != 0, reversed != 0, shorted != 0, friction});
 }
 void thumper_wire_fault(Chip* chip, int side, int channel, int fault) {
   chip->plant()->SetWireFault(side, channel, static_cast<WireFault>(fault));

@@ -9,6 +9,7 @@ struct SideFaults {
   bool blocked = false;    // the wheels are jammed
   bool reversed = false;   // the motors' two wires are swapped
   bool shorted = false;    // the wires touch: kShort_Ohm between the bridge's outputs
+  double friction = 1.0;   // of the side's wheels and gears, relative to a healthy side
 };
 
 /// Resistance of chafed wires that touch: contact and cable. At 7.4 V and PWM 100 already 29 A.

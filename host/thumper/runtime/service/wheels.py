@@ -23,14 +23,15 @@ def describe(estimator: StateEstimator) -> WheelsState:
     monitor = estimator.drive_train
     estimate = None if monitor is None else monitor.estimate
     if monitor is None or estimate is None:
-        return WheelsState(text="not determined yet", drift="", values={})
+        failure = "" if monitor is None else monitor.failure
+        return WheelsState(text="not determined yet", drift=failure, values={})
     values: dict[str, float] = {}
-    for side in fields(estimate):
+    for side in ("mean", "left", "right"):
         for field, key, *_ in QUANTITIES:
-            found = getattr(getattr(estimate, side.name), field)
+            found = getattr(getattr(estimate, side), field)
             if found is not None:
-                values |= {f"{side.name}_{key}": found.value, f"{side.name}_{key}_std": found.std}
-    return WheelsState(text=_text(estimate.mean), drift="".join(monitor.drift_lines()), values=values)
+                values |= {f"{side}_{key}": found.value, f"{side}_{key}_std": found.std}
+    return WheelsState(text=_text(estimate.mean), drift="; ".join(monitor.warnings().values()), values=values)
 
 
 def read_feed_forward(board: Board) -> BoardWheelModel:
