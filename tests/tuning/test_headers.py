@@ -292,8 +292,11 @@ def test_a_set_point_of_zero_is_no_closed_loop(tmp_path: Path) -> None:
 )
 def test_an_angle_that_wraps_each_turn_is_unwrapped(tmp_path: Path, header: str, values: FloatArray) -> None:
     path = write(tmp_path / "log.csv", f"time_s,pwm,{header}", TIME_S, PWM, values)
-    log = assert_wheel(read_logs(path))
+    (log,) = read_logs(path)
     assert "the angle wraps each turn: unwrapped" in log.warnings
+    assert log.position_rad is not None
+    offset_rad = log.position_rad - COUNTS * COUNT_RAD
+    assert np.ptp(offset_rad) < 1e-6
 
 
 def test_an_angle_that_wraps_too_fast_for_its_rows_is_rejected(tmp_path: Path) -> None:
@@ -315,4 +318,12 @@ def test_the_letters_of_a_control_lecture_are_read(
     tmp_path: Path, header: str, output: FloatArray, has_setpoint: bool
 ) -> None:
     path = write(tmp_path / "log.csv", header, TIME_S, 0.0 * PWM + 3.0, PWM, output)
-    assert assert_wheel(read_logs(path)).has_setpoint == has_setpoint
+    (log,) = read_logs(path)
+    assert log.has_setpoint == has_setpoint
+    np.testing.assert_allclose(log.drive, PWM)
+    if output is SPEED:
+        assert log.speed_rad_s is not None
+        np.testing.assert_allclose(log.speed_rad_s, SPEED, atol=1e-6)
+    else:
+        assert log.position_rad is not None
+        np.testing.assert_allclose(log.position_rad, COUNTS * COUNT_RAD, atol=1e-6)
