@@ -50,7 +50,7 @@ def test_full_power_in_both_directions(fit: Fit, period_s: float) -> None:
     assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, abs=2.0 * result["time_constant_s_std"])  # type: ignore[operator]
     assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, rel=0.25)
     assert len(result["steady"]) == 2  # type: ignore[arg-type]
-    assert "saturated" in str(result["record_next"])
+    assert "saturated" in str(result["reason"])
     assert "reverses without a rest" in str(result["warnings"])
 
 
