@@ -13,7 +13,7 @@ from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 TAU_S = 0.06
 
 
-def speed_log(window_s: float, row_s: float, delay_s: float, seconds: float = 6.0) -> MotorLog:
+def speed_log(window_s: float, row_s: float, delay_s: float, seconds: float = 8.0) -> MotorLog:
     """Return the log of a sensor that averages over `window_s`, of a wheel whose drive changes each 0.1 s."""
     wheel, step_s = Wheel(tau_s=TAU_S, delay_s=delay_s), 0.001
     time_s = np.arange(round(seconds / step_s)) * step_s
