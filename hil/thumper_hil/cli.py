@@ -89,6 +89,10 @@ def sim(
             "--reset-on-open", help="Reset the board through its boot loader when its port is opened (DTR)."
         ),
     ] = False,
+    bare: Annotated[
+        bool,
+        typer.Option("--bare", help="The board holds its boot loader only; implies --reset-on-open."),
+    ] = False,
     scenario: Annotated[str, typer.Option(help="Scenario file (TOML) that schedules faults.")] = "",
     lidar: Annotated[
         str,
@@ -122,6 +126,7 @@ def sim(
             "lidar": lidar,
             "preset": preset,
             **({"floor": floor} if floor else {}),
-            "reset_on_open": str(int(reset_on_open)),
+            "reset_on_open": str(int(reset_on_open or bare)),
+            "bare": str(int(bare)),
         },
     )

@@ -59,7 +59,7 @@ def cycle_at(time_s: float, clock_Hz: float = CPU_HZ) -> int:
 def _bootloader() -> Path:
     if not ATMEGABOOT.exists():
         raise ThumperError(
-            f"reset_on_open: no boot loader at {ATMEGABOOT}; run `sudo apt install arduino-core-avr`",
+            f"no boot loader at {ATMEGABOOT}; run `sudo apt install arduino-core-avr`",
             exit_code=EXIT_CHECK_FAILED,
         )
     return ATMEGABOOT
@@ -97,7 +97,9 @@ class Bench:
         self._tick_cycles = round(TICK_S * self._clock_Hz)
         self._reset_on_open = options.reset_on_open
         self._options = options
-        if options.reset_on_open:
+        if options.bare:
+            self.chip.install_bootloader(_bootloader())
+        elif options.reset_on_open:
             self.chip.add_bootloader(_bootloader())
         self.chip.place(options.start)
         self._switches = Switches(chip=self.chip)

@@ -35,6 +35,7 @@ class BenchOptions:
     preset: str = "nominal"  # how hard the robot is to drive: nominal or hard
     floor: str = ""  # carpet, wood..., or stand for wheels in the air; empty: the preset's floor
     reset_on_open: bool = False  # opening the board's port resets it through its boot loader
+    bare: bool = False  # the board holds its boot loader only
     realtime: bool = False  # run in real time
 
     @property
@@ -66,6 +67,7 @@ class BenchOptions:
             "preset": _preset,
             "floor": _floor,
             "reset_on_open": _yes_or_no,
+            "bare": _yes_or_no,
             "pace": _is_realtime,
         }
         values: dict[str, object] = {}

@@ -26,6 +26,7 @@ from thumper.cli.replay import replay
 from thumper.cli.ros import ros
 from thumper.cli.run import run
 from thumper.cli.save import save
+from thumper.cli.setup import setup
 from thumper.cli.status import status, watch
 from thumper.cli.teleop import teleop
 from thumper.common.errors import ThumperError
@@ -55,13 +56,14 @@ COMMANDS = {  # plugins of other packages add more
         map_log,
         plan,
         edit,
+        setup,
         doctor,
         flash,
     )
 }
 PANELS = {  # the order of `thumper --help`
     "Try it without hardware": ("demo", "sim"),
-    "Set up a robot": ("doctor", "flash", "tune", "calibrate", "bus"),
+    "Set up a robot": ("setup", "doctor", "flash", "tune", "calibrate", "bus"),
     "Drive": ("run", "explore", "goto", "stop", "teleop", "mode", "save"),
     "Watch and connect": ("status", "watch", "dashboard", "ros", "foxglove"),
     "Recordings": ("record", "replay", "export", "recover"),

@@ -16,13 +16,6 @@ import typer
 from thumper.cli.options.common import AsJson, BoardPort, ConfigFile, LidarPort
 from thumper.doctor.check import Check
 
-KNOWN_USB = {
-    (0x15D1, 0x0000): "Hokuyo lidar",
-    (0x10C4, 0xEA60): "CP210x (T'REX board, or adapter of a lidar)",
-    (0x1A86, 0x7523): "CH340 (Nano clone, or adapter of a lidar)",
-    (0x0403, 0x6001): "FTDI (Nano)",
-}
-
 
 def doctor(
     board: BoardPort = "",
@@ -60,6 +53,7 @@ def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: b
     from thumper.doctor.host_checks import check_set_up
     from thumper.doctor.lidar_checks import check_lidar
     from thumper.doctor.sensor_checks import check_sensors
+    from thumper.doctor.usb_ports import KNOWN_USB
 
     settings = with_ports(load_config(config), board=board, lidar=lidar)
     yield from _computer()
@@ -122,30 +116,21 @@ def _computer() -> Iterator[Check]:
 
 
 def _ports() -> Iterator[Check]:
-    from serial.tools.list_ports import comports
+    from thumper.doctor.usb_ports import usb_ports
 
     found = False
-    for port in comports():
-        if port.vid is None:
-            continue
+    for port in usb_ports():
         found = True
-        name = KNOWN_USB.get((port.vid, port.pid), port.description)
+        what = f"{port.device}: {port.name}"
         try:
             with Path(port.device).open("rb"):
                 pass
-            yield Check(verdict="pass", what=f"{port.device}: {name}")
+            yield Check(verdict="pass", what=what)
         except PermissionError:
-            yield Check(
-                verdict="fail",
-                what=f"{port.device}: {name}",
-                fix="no permission; run: sudo usermod -aG dialout $USER",
-            )
+            yield Check(verdict="fail", what=what, fix="no permission; run: sudo usermod -aG dialout $USER")
         except OSError:
-            yield Check(
-                verdict="warn",
-                what=f"{port.device}: {name}",
-                fix="cannot be opened; close other programs that use it",
-            )
+            fix = "cannot be opened; close other programs that use it"
+            yield Check(verdict="warn", what=what, fix=fix)
     if not found:
         yield Check(
             verdict="warn",

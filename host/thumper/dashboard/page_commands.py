@@ -85,10 +85,12 @@ class PageCommands:
         self._map_from_base = map_from_base
         self._limits = limits
         self._messages = Messages()
+        self.on_stop: Callable[[], None] = lambda: None  # also called if a page that could stop has gone
         self.operator = ""  # the page that has control; empty: none
 
     def on_disconnect(self, page: str) -> None:
         """End the control of a page that has disconnected."""
+        self.on_stop()
         if page == self.operator:
             self.operator = ""
 
@@ -106,6 +108,7 @@ class PageCommands:
             self._send_heartbeat(page, now_s)  # before a command: the page must not count as lost
         match message:
             case EStop():
+                self.on_stop()
                 self._robot.publish("estop", flag(True), source=page)
             case Teleop():
                 if message.override:

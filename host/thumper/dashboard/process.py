@@ -47,6 +47,7 @@ def bind_port(options: ServerOptions) -> socket.socket:
 
 if TYPE_CHECKING:
     from thumper.config.robot import RobotConfig
+    from thumper.dashboard.guide.guide import Guide
 
 END_TIMEOUT_S = 3.0
 MIN_RESTART_S, MAX_RESTART_S = 1.0, 30.0  # before a page that has ended starts again
@@ -54,8 +55,16 @@ STABLE_S = 60.0  # a page that ran this long starts again without further delay
 PARENT_VARIABLE = "THUMPER_PAGE_PARENT"  # set: standard input is a pipe from the robot's process
 
 
-def run_dashboard(settings: "RobotConfig", options: ServerOptions, robot_address: str) -> None:
-    """Serve until Ctrl-C, or until the process ends that started this one beside a robot."""
+GUIDED_V_MAX_M_S = 0.4  # with turbo; half of it without
+
+
+def run_dashboard(
+    settings: "RobotConfig", options: ServerOptions, robot_address: str, *, guide: "Guide | None" = None
+) -> None:
+    """Serve until Ctrl-C, or until the process ends that started this one beside a robot.
+
+    `guide` is the state of the page `/setup`, which guides through the first run.
+    """
     end_with_parent()
     listener = bind_port(options)  # before the slow imports, to report a port in use at once
     from thumper.bus.client import BusClient
@@ -64,6 +73,9 @@ def run_dashboard(settings: "RobotConfig", options: ServerOptions, robot_address
     from thumper.dashboard.server import build_app, serve
 
     service = settings.service
+    v_max_m_s = service.manual_v_max_m_s
+    if guide is not None:
+        v_max_m_s = min(v_max_m_s, GUIDED_V_MAX_M_S)
     app = build_app(
         BusClient(settings.name, robot_address, settings.bus.token, tls=settings.bus.tls, wait=True),
         options,
@@ -73,10 +85,13 @@ def run_dashboard(settings: "RobotConfig", options: ServerOptions, robot_address
             has_password=bool(options.password),
             library=Path(settings.recording.folder),
         ),
-        TeleopLimits(v_m_s=service.manual_v_max_m_s, w_rad_s=service.manual_w_max_rad_s),
+        TeleopLimits(v_m_s=v_max_m_s, w_rad_s=service.manual_w_max_rad_s),
         settings.lidar.base_from_laser,
+        guide,
     )
-    print(f"dashboard: {options.url}  (robot at {robot_address}; press Ctrl-C to stop)", flush=True)
+    page = "first run" if guide is not None else "dashboard"
+    url = f"{options.url}setup" if guide is not None else options.url
+    print(f"{page}: {url}  (robot at {robot_address}; press Ctrl-C to stop)", flush=True)
     serve(app, options, listener)
 
 

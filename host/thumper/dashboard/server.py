@@ -23,6 +23,8 @@ from thumper.config.bus import is_loopback
 from thumper.config.dashboard import ServerOptions
 from thumper.dashboard.certificate import server_tls
 from thumper.dashboard.connections import Connections
+from thumper.dashboard.guide.guide import Guide
+from thumper.dashboard.guide.guide_page import add_guide
 from thumper.dashboard.library import add_library
 from thumper.dashboard.login import AccessControl
 from thumper.dashboard.map_edits import add_map_edits
@@ -79,8 +81,9 @@ def build_app(
     page: PageOptions,
     limits: TeleopLimits,
     base_from_laser: Pose2,
+    guide: Guide | None = None,
 ) -> FastAPI:
-    """Build the web application: connect the pages to the bus."""
+    """Build the web application: connect the pages to the bus. `guide` adds the page of the first run."""
     recording = RecordingClock()
     experiment = ExperimentWatch(robot)
 
@@ -93,7 +96,8 @@ def build_app(
         }
 
     state = PageState(base_from_laser)
-    connections = Connections(state, PageCommands(robot, limits, lambda: state.map_from_base), extra)
+    commands = PageCommands(robot, limits, lambda: state.map_from_base)
+    connections = Connections(state, commands, extra)
     state.on_change = connections.on_change
     for topic in TOPICS:
         robot.subscribe(topic, partial(state.on_message, topic))
@@ -126,6 +130,9 @@ def build_app(
     def index() -> None:
         build_page(page, robot)
         drop_abandoned_pages()
+
+    if guide is not None:
+        add_guide(guide, robot, page, commands)
 
     ticks: list[asyncio.Task[None]] = []
 

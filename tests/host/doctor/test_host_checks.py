@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from thumper.cli.doctor import KNOWN_USB
 from thumper.doctor.check import Check
 from thumper.doctor.host_checks import RULES, UNIT, check_set_up
+from thumper.doctor.usb_ports import KNOWN_USB
 
 PACKAGING = Path(__file__).parents[3] / "packaging"
 

@@ -1,0 +1,317 @@
+"""The first run, step by step. One per server: every page shows the same state.
+
+Each step runs the `thumper` command of its name, or watches what the page makes the running robot do.
+"""
+
+import asyncio
+import tempfile
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Literal
+
+from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
+from thumper.dashboard.board_parameters import Parameters
+from thumper.dashboard.guide.command import Command
+from thumper.dashboard.guide.robot_file import SIMULATED, Ports, write_robot_file
+from thumper.dashboard.guide.robot_watch import RobotBus, RobotWatch
+from thumper.ros import services
+from thumper.ros.services import NamedMap
+
+WATCH_PERIOD_S = 0.25
+SAVE_TIMEOUT_S = 30.0  # of a robot that saves its map at the end
+FIRST_DRIVE_M = 0.3
+TURNED = "motor forward"  # in the lines of the wheel check
+
+
+class Step(StrEnum):
+    """The steps in order."""
+
+    ROBOT = "robot"
+    FLASH = "flash"
+    CHECK = "check"
+    START = "start"
+    TUNE = "tune"
+    DRIVE = "drive"
+    MAP = "map"
+    GOAL = "goal"
+    SAVE = "save"
+    DONE = "done"
+
+
+STEPS = tuple(Step)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """How a step ended, in one line with the fix."""
+
+    verdict: Literal["pass", "warn", "fail"]
+    text: str
+
+
+def judge_check(lines: list[str]) -> Outcome:
+    """Judge the report of `thumper doctor --spin`: a wheel that turns the wrong way must be fixed first."""
+    failed = [line.removeprefix("fail").strip() for line in lines if line.startswith("fail")]
+    turned = [line for line in lines if TURNED in line]
+    wrong = [line.removeprefix("fail").strip() for line in turned if line.startswith("fail")]
+    if wrong:
+        return Outcome(verdict="fail", text=wrong[0])
+    if len(turned) < 2:
+        return Outcome(verdict="fail", text=failed[0] if failed else "the wheels were not turned")
+    if failed:
+        return Outcome(verdict="warn", text=f"both sides turn forward, but {failed[0]}")
+    return Outcome(verdict="pass", text="both sides turn forward, and each encoder counts its own side")
+
+
+class Guide:
+    """State and actions of the first run. Use it in the server's event loop only."""
+
+    def __init__(self, bus_address: str, *, config: Path | None = None, ports: Ports | None = None) -> None:
+        """`config` with its `ports` is an existing configuration, which is used as it is."""
+        self.step = Step.ROBOT
+        self.outcomes: dict[Step, Outcome] = {}
+        self.config = config
+        self.ports = ports
+        self.is_tuned = False
+        self.busy: Step | None = None
+        self.watch = RobotWatch()
+        self._bus_address = bus_address
+        self._robot: RobotBus | None = None
+        self._command: Command | None = None  # of the step
+        self._simulator: Command | None = None  # of the bare board
+        self._run: Command | None = None  # `thumper run`
+        self._tasks: set[asyncio.Task[int]] = set()
+        self._terminals = tempfile.TemporaryDirectory(prefix="thumper-setup-")
+
+    def connect(self, robot: RobotBus) -> None:
+        """Use the bus of the robot that the guide will start."""
+        self._robot = robot
+        self.watch.connect(robot)
+
+    @property
+    def lines(self) -> list[str]:
+        """What the command of this step has printed."""
+        command = self._run if self.step is Step.START else self._command
+        return list(command.lines) if command else []
+
+    def begin(self, step: Step) -> None:
+        """Show a step, unless one is running."""
+        if self.busy is not None:
+            return
+        self.step = step
+        self._command = None
+        self.watch.restart()
+
+    def repeat(self) -> None:
+        """Forget the outcome of this step, which begins again."""
+        self.outcomes.pop(self.step, None)
+        self.begin(self.step)
+
+    def advance(self) -> None:
+        """Go on to the next step."""
+        self.begin(STEPS[STEPS.index(self.step) + 1])
+
+    def interrupt(self) -> None:
+        """End the wheel check, whose motors must not turn any longer."""
+        if self._command is not None and self.busy is Step.CHECK:
+            self._command.interrupt()
+
+    async def choose_robot(self, name: str, ports: Ports) -> None:
+        """Write the configuration, or use the given one; start the bare board of a simulated robot."""
+
+        async def choose() -> str:
+            if self.config is None or self.ports is None:
+                self.config, self.ports = write_robot_file(Path(), name, ports), ports
+            if self.ports.simulated:
+                await self._start_simulator()
+                return f"a simulated robot: bare board, wheels in the air; {self.config}"
+            return f"board {self.ports.board}, lidar {self.ports.lidar}: {self.config}"
+
+        await self._do(choose)
+
+    async def choose_simulated(self, name: str) -> None:
+        """Use a simulated robot with a bare board."""
+        await self.choose_robot(name, SIMULATED)
+
+    async def flash(self, board: str, bootloader: str) -> None:
+        """Run `thumper flash`."""
+
+        async def flash() -> str:
+            command = self._new("flash", "--port", self._port("board"))
+            if not self._simulator:
+                command = self._new(*command.arguments, "--board", board, "--bootloader", bootloader)
+            if await command.run() != 0:
+                raise ThumperError(command.last_line)
+            return f"written and verified: {command.last_line}"
+
+        await self._do(flash)
+
+    async def check(self) -> None:
+        """Run `thumper doctor --spin`; the user has confirmed that no wheel touches anything."""
+
+        async def check() -> str:
+            ports = ("--board", self._port("board"), "--lidar", self._port("lidar"))
+            command = self._new("doctor", "--config", str(self.config), *ports, "--spin")
+            status = await command.run(answer="y\n")
+            if command.is_interrupted:
+                raise ThumperError("stopped: the wheels are not checked")
+            if status not in (0, EXIT_CHECK_FAILED):
+                raise ThumperError(command.last_line)
+            outcome = judge_check(list(command.lines))
+            self._set(outcome.verdict, outcome.text)
+            return outcome.text
+
+        await self._do(check)
+
+    async def start(self) -> None:
+        """Run `thumper run` and wait for its first status."""
+
+        async def start() -> str:
+            await self._end_simulator()
+            await self._end_run()
+            bus = ("--bus", self._bus_address)
+            self._run = run = Command("run", "--config", str(self.config), *bus, "--fresh")
+            task = self._in_background(run)
+            while self.watch.status is None:
+                if task.done():
+                    raise ThumperError(run.last_line or "thumper run has ended")
+                await asyncio.sleep(WATCH_PERIOD_S)
+            return f"thumper run --config {self.config}"
+
+        await self._do(start)
+
+    async def keep_gains(self) -> None:
+        """Save the gains in use on the board."""
+
+        async def keep() -> str:
+            await asyncio.to_thread(Parameters(self._connected).save)
+            return "the board keeps the new gains"
+
+        await self._do(keep)
+
+    async def save(self, name: str) -> None:
+        """Save the map under a new name in the robot's library."""
+
+        async def save() -> str:
+            request = NamedMap(name=name)
+            reply = await asyncio.to_thread(services.LIBRARY_SAVE.call, self._connected, request)
+            return reply.text
+
+        await self._do(save)
+
+    async def run(self) -> None:
+        """Follow what the robot does, until cancelled."""
+        while True:
+            await asyncio.sleep(WATCH_PERIOD_S)
+            with suppress(ThumperError):
+                await self._follow()
+
+    async def close(self) -> None:
+        """End the commands; the robot saves its map."""
+        self.interrupt()
+        await self._end_run()
+        await self._end_simulator()
+        self._terminals.cleanup()
+
+    async def _follow(self) -> None:
+        if self._run is not None and not self._run.is_running and self.busy is None and self._is_driving:
+            self.begin(Step.START)
+            self._set("fail", f"the robot has stopped: {self._run.last_line}")
+        elif self.step is Step.TUNE:
+            await self._follow_tuning()
+        elif self.step is Step.DRIVE and self.watch.manual_m >= FIRST_DRIVE_M:
+            self._set("pass", f"drove {self.watch.manual_m:.2f} m")
+        elif self.step in (Step.MAP, Step.GOAL):
+            for text in self.watch.events():
+                self._follow_event(text)
+
+    @property
+    def _is_driving(self) -> bool:
+        return STEPS.index(self.step) > STEPS.index(Step.START)
+
+    async def _follow_tuning(self) -> None:
+        if self.watch.status is None:
+            return
+        state = await asyncio.to_thread(services.EXPERIMENT_STATE.call, self._connected)
+        if state.running:
+            self.busy, self.is_tuned = Step.TUNE, False
+            self._set("warn", f"{state.share:.0%}: {state.what}")
+        elif self.busy is Step.TUNE:
+            self.busy, self.is_tuned = None, not state.problem
+            text = state.problem or "tuned: the board uses the new gains; keep them?"
+            self._set("fail" if state.problem else "pass", text)
+
+    def _follow_event(self, text: str) -> None:
+        if text.startswith("mission ") and (" reached: " in text or " failed: " in text):
+            self._set("pass" if " reached: " in text else "fail", text)
+        elif text.startswith(("back: ", "explored ")):
+            self._set("pass", text)
+        elif text.startswith(("not back: ", "ended after ", "interrupted after ")):
+            self._set("fail", text)
+
+    async def _do(self, action: Callable[[], Awaitable[str]]) -> None:
+        """Run the action of this step, then go on to the next; a failure becomes its outcome."""
+        if self.busy is not None:
+            return
+        step = self.busy = self.step
+        self.outcomes.pop(step, None)
+        try:
+            text = await action()
+        except ThumperError as error:
+            self._set("fail", str(error))
+        else:
+            if step not in self.outcomes:
+                self._set("pass", text)
+        finally:
+            self.busy = None
+        if self.outcomes[step].verdict == "pass":
+            self.advance()
+
+    def _set(self, verdict: Literal["pass", "warn", "fail"], text: str) -> None:
+        self.outcomes[self.step] = Outcome(verdict=verdict, text=text)
+
+    def _new(self, *arguments: str) -> Command:
+        self._command = Command(*arguments)
+        return self._command
+
+    def _port(self, device: Literal["board", "lidar"]) -> str:
+        if self._simulator is not None:
+            return str(Path(self._terminals.name) / device)
+        return str(getattr(self.ports, device))
+
+    @property
+    def _connected(self) -> RobotBus:
+        if self._robot is None:
+            raise ThumperError("the robot is not connected")
+        return self._robot
+
+    async def _start_simulator(self) -> None:
+        folder = Path(self._terminals.name)
+        board, lidar = folder / "board", folder / "lidar"
+        ports = ("--board-pty", str(board), "--lidar-pty", str(lidar))
+        command = Command("sim", *ports, "--bare", "--floor", "stand")
+        task = self._in_background(command)
+        while not lidar.exists():
+            if task.done():
+                raise ThumperError(command.last_line)
+            await asyncio.sleep(WATCH_PERIOD_S)
+        self._simulator = command
+
+    def _in_background(self, command: Command) -> "asyncio.Task[int]":
+        task = asyncio.create_task(command.run())
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        return task
+
+    async def _end_simulator(self) -> None:
+        if self._simulator is not None:
+            await self._simulator.stop()
+            self._simulator = None
+
+    async def _end_run(self) -> None:
+        if self._run is not None:
+            await self._run.stop(SAVE_TIMEOUT_S)
+            self._run = None

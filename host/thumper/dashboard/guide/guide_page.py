@@ -1,0 +1,151 @@
+"""Layout of the guide's page: the steps on one side, the map on the other."""
+
+import asyncio
+
+from nicegui import app as nicegui_app
+from nicegui import ui
+
+from thumper.dashboard.guide.guide import STEPS, Guide, Step
+from thumper.dashboard.guide.robot_watch import RobotBus
+from thumper.dashboard.guide.step_controls import TITLES, StepControls
+from thumper.dashboard.page import PageOptions
+from thumper.dashboard.page_commands import PageCommands
+from thumper.dashboard.server_limits import drop_abandoned_pages
+from thumper.dashboard.widgets import STATIC, Widget, box, button, inline
+
+PERIOD_S = 0.25
+SHOWN_LINES = 12
+SHOW_STEP = "document.querySelector('.tg-now')?.scrollIntoView({block: 'center'})"
+MARKS = {"pass": "check_circle", "warn": "warning", "fail": "error"}
+
+
+def add_guide(guide: Guide, robot: RobotBus, options: PageOptions, commands: PageCommands) -> None:
+    """Add the page `/setup` to the web application, and run the guide with it."""
+    guide.connect(robot)
+    commands.on_stop = guide.interrupt
+    tasks: list[asyncio.Task[None]] = []
+
+    @ui.page("/setup", title="Thumper · first run", favicon=STATIC / "icon.svg")
+    def setup() -> None:
+        _build_page(guide, options)
+        drop_abandoned_pages()
+
+    async def start() -> None:
+        tasks.append(asyncio.create_task(guide.run()))
+
+    async def stop() -> None:
+        for task in tasks:
+            task.cancel()
+        await guide.close()
+
+    nicegui_app.on_startup(start)
+    nicegui_app.on_shutdown(stop)
+
+
+def _build_page(guide: Guide, options: PageOptions) -> None:
+    """Build the page for one browser."""
+    ui.colors(primary="#2f81f7", negative="#d1242f", positive="#1a7f37", dark="#18222d", dark_page="#0f1720")
+    for sheet in ("style.css", "guide.css"):
+        ui.add_css(STATIC / sheet)
+    ui.dark_mode(value=None)
+    ui.query(".nicegui-content").classes("tp-content")
+    with ui.element("header").classes("tp-header"):
+        inline(
+            '<b class="tp-brand">Thumper</b><span>First run</span><span class="tp-chips">'
+            '<span class="tp-chip tp-battery" title="Battery"><span data-field="battery"></span></span>'
+            '<span class="tp-chip tp-board" title="Motor board"><span data-field="board_state"></span></span>'
+            '<a class="tp-chip" href="/" target="_blank">Dashboard</a></span>'
+        )
+    with box("tp-banner-row"):
+        box("tp-banner").props("id=tp-banner data-kind=lost role=status")
+    with box("tg-main") as main:
+        with box("tg-left"):
+            steps = box("tg-steps")
+            with box("tg-manual"):
+                Widget("drive").classes("tp-drive")
+        with box("tg-right"):
+            with box("tp-mapbox"):
+                Widget("map", {"footprint": options.footprint_m}).classes("tp-map")
+            inline(
+                '<div class="tp-state"><span class="tp-mode" data-field="mode"></span>'
+                '<span class="tp-reason" data-field="reason"></span></div>'
+            )
+    with box("tg-fault").props("role=alert"):
+        inline('<b data-field="fault_words"></b><span data-field="fault_cure"></span>')
+        with button("tp-plain", {"data-command": '{"kind": "command", "name": "clear_fault"}'}):
+            inline("<span>Clear fault</span>")
+    box("tp-notices").props("id=tp-notices role=alert")
+    with button("tp-estop", {"data-estop": ""}, "Emergency stop (Space)"):
+        inline("<b>STOP</b><small>Space</small>")
+    view = GuideView(guide, main, steps)
+    ui.timer(PERIOD_S, view.refresh, immediate=True)
+
+
+class GuideView:
+    """The steps as one browser shows them."""
+
+    def __init__(self, guide: Guide, main: ui.element, steps: ui.element) -> None:
+        self._guide = guide
+        self._main = main
+        self._steps = steps
+        self._controls = StepControls(guide)
+        self._shown: tuple[object, ...] = ()  # what the built steps show
+        self._outcome: ui.label | None = None
+        self._output: ui.label | None = None
+
+    def refresh(self) -> None:
+        """Rebuild the steps if they have changed; else update only the texts."""
+        guide = self._guide
+        outcome = guide.outcomes.get(guide.step)
+        verdict = outcome.verdict if outcome else ""
+        now = (guide.step, guide.busy, verdict, guide.is_tuned, self._controls.confirming)
+        if now != self._shown:
+            is_new_step = self._shown[:1] != now[:1]
+            if is_new_step:
+                self._controls.confirming = False
+            self._shown = (*now[:-1], self._controls.confirming)
+            self._build()
+            if is_new_step:
+                ui.run_javascript(SHOW_STEP)
+        if self._outcome is not None:
+            self._outcome.set_text(outcome.text if outcome else "")
+        if self._output is not None:
+            self._output.set_text("\n".join(guide.lines[-SHOWN_LINES:]))
+
+    def _build(self) -> None:
+        guide = self._guide
+        self._main.props(f"data-step={guide.step}")
+        self._steps.clear()
+        self._outcome = self._output = None
+        with self._steps:
+            for number, step in enumerate(STEPS[:-1], start=1):
+                with box("tg-step").props(f"data-name={step}") as card:
+                    self._head(number, step)
+                    if step is guide.step:
+                        card.classes("tg-now").props('aria-current="step"')
+                        self._body()
+            if guide.step is Step.DONE:
+                with box("tg-step tg-now").props("data-name=done"):
+                    self._controls.add()
+
+    def _head(self, number: int, step: Step) -> None:
+        guide, outcome = self._guide, self._guide.outcomes.get(step)
+        with button("tg-head").on("click", lambda: guide.begin(step)) as head:
+            if outcome is None and step is not guide.step and STEPS.index(step) > STEPS.index(guide.step):
+                head.props("disabled")
+            if outcome is None or step is guide.step:
+                inline(f'<span class="tg-number">{number}</span>')
+            else:
+                ui.icon(MARKS[outcome.verdict]).classes(f"tg-{outcome.verdict}")
+            ui.label(TITLES[step]).classes("tg-title")
+            if outcome is not None and step is not guide.step:
+                ui.label(outcome.text).classes("tg-result")
+
+    def _body(self) -> None:
+        guide = self._guide
+        outcome = guide.outcomes.get(guide.step)
+        with box("tg-body"):
+            self._controls.add()
+            tone = f"tg-outcome tg-{outcome.verdict}" if outcome else "tg-outcome"
+            self._outcome = ui.label().classes(tone).props("role=status")
+            self._output = ui.label().classes("tg-output")

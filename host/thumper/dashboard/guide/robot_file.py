@@ -1,0 +1,70 @@
+"""The robot's configuration that the first run writes. It never replaces a file."""
+
+import json
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from thumper.common.errors import ThumperError
+
+FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}\.toml")
+SIMULATED_BOARD = "sim://setup/board?world=lab"
+SIMULATED_LIDAR = "sim://setup/lidar"
+FIRST_SPEED_M_S = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ports:
+    """Ports of the robot, and the model of its lidar."""
+
+    board: str
+    lidar: str
+    lidar_model: str = "urg04lx"
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the robot is a simulated one."""
+        return self.board.startswith("sim://")
+
+
+SIMULATED = Ports(board=SIMULATED_BOARD, lidar=SIMULATED_LIDAR)
+
+
+def write_robot_file(folder: Path, name: str, ports: Ports) -> Path:
+    """Write the configuration as a new file and return its path.
+
+    Raises
+    ------
+    ThumperError
+        The name is no plain file name, the file exists, a port is missing, or the folder is not writable.
+    """
+    if not FILE_NAME.fullmatch(name):
+        raise ThumperError(f"{name or 'the file'}: use letters, digits, - and _, and end with .toml")
+    if not (ports.board and ports.lidar) or ports.board == ports.lidar:
+        raise ThumperError("choose the board's port and the lidar's; they differ")
+    path = folder / name
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(_text(ports))
+    except FileExistsError:
+        raise ThumperError(
+            f"{name} exists and stays as it is; choose another name, or start `thumper setup --config {name}`"
+        ) from None
+    except OSError as error:
+        raise ThumperError(f"{path}: {error.strerror}") from error
+    return path
+
+
+def _text(ports: Ports) -> str:
+    return f"""# Written by `thumper setup`.
+[board]
+port = {json.dumps(ports.board)}
+
+[lidar]
+model = {json.dumps(ports.lidar_model)}
+port = {json.dumps(ports.lidar)}
+
+# Slow at first. Delete these lines for full speed.
+[navigation.limits]
+v_max_m_s = {FIRST_SPEED_M_S}
+"""

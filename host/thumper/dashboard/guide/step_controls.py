@@ -1,0 +1,240 @@
+"""The text and the buttons of each step. What moves the robot is sent by the page, which then guards it."""
+
+import json
+from collections.abc import Callable
+from html import escape
+from typing import Any, get_args
+
+from nicegui import ui
+
+from thumper.dashboard.guide.guide import Guide, Step
+from thumper.dashboard.guide.robot_file import Ports
+from thumper.dashboard.widgets import box, button, inline
+from thumper.doctor.usb_ports import usb_ports
+from thumper.lidar.options import LidarModel
+
+TITLES = {
+    Step.ROBOT: "Find the robot",
+    Step.FLASH: "Flash the firmware",
+    Step.CHECK: "Check wheels and lidar",
+    Step.START: "Put it on the floor",
+    Step.TUNE: "Tune the wheels",
+    Step.DRIVE: "Drive it",
+    Step.MAP: "Map the room",
+    Step.GOAL: "Drive to a goal",
+    Step.SAVE: "Save the map",
+    Step.DONE: "Done",
+}
+LANE_M = 1.2
+BOARDS = {"trex": "T'REX", "nano": "Nano or Uno"}
+BOOTLOADERS = {"old": "old: 57600 baud", "new": "new: 115200 baud"}
+
+
+class StepControls:
+    """Adds the controls of the guide's step; keeps what the user has entered on this page."""
+
+    def __init__(self, guide: Guide) -> None:
+        self.confirming = False
+        self._guide = guide
+        self._file = "robot.toml"
+        self._map_name = "first_map"
+        self._board = self._lidar = ""
+        self._model, self._kind, self._bootloader = "urg04lx", "trex", "old"
+
+    def add(self) -> None:
+        """Add the controls of the current step to the current container."""
+        getattr(self, f"_{self._guide.step}")()
+
+    def _robot(self) -> None:
+        if (known := self._guide.ports) is not None:
+            _text(f"{self._guide.config}: board {known.board}, lidar {known.lidar}.")
+            with box("tp-buttons"):
+                self._button("Use this robot", lambda: self._guide.choose_robot("", known))
+            return
+        ports = usb_ports()
+        devices = {port.device: f"{port.device}: {port.name}" for port in ports}
+        self._lidar = next((port.device for port in ports if port.is_lidar), "")
+        self._board = next((port.device for port in ports if port.device != self._lidar), "")
+        if ports:
+            _text("Plug in the board and the lidar. Then check which port is which.")
+            self._select("Board", "_board", devices)
+            self._select("Lidar", "_lidar", devices)
+            self._select("Lidar model", "_model", {name: name for name in get_args(LidarModel)})
+        else:
+            _text("No USB serial port found. Plug in the board and the lidar, or use a simulated robot.")
+        self._field("New configuration file", "_file")
+        with box("tp-buttons"):
+            if ports:
+                self._button("Use this robot", self._choose)
+            else:
+                self._button("Simulated robot", lambda: self._guide.choose_simulated(self._file))
+            self._button("Search again", self._search, main=False)
+            if ports:
+                self._button("Simulated robot", lambda: self._guide.choose_simulated(self._file), main=False)
+
+    async def _choose(self) -> None:
+        ports = Ports(board=self._board, lidar=self._lidar, lidar_model=self._model)
+        await self._guide.choose_robot(self._file, ports)
+
+    def _search(self) -> None:
+        self._guide.begin(Step.ROBOT)
+        self.confirming = not self.confirming  # shows the step again
+
+    def _flash(self) -> None:
+        _text(
+            "Write the firmware through the board's boot loader. If a wheel turns when you switch on the "
+            "battery, switch it off: the outputs are wired wrongly, or an old program drives them."
+        )
+        if self._guide.ports is not None and not self._guide.ports.simulated:
+            self._select("Board", "_kind", BOARDS)
+            self._select("Boot loader", "_bootloader", BOOTLOADERS)
+        with box("tp-buttons"):
+            self._button("Flash", lambda: self._guide.flash(self._kind, self._bootloader))
+            self._button("Skip: it has the firmware", self._guide.advance, main=False)
+
+    def _check(self) -> None:
+        _text(
+            "Put the chassis on a block: wheels off the ground, and a hand on the switch. Each side turns "
+            "alone for a second. Watch: each must turn forward."
+        )
+        if self.confirming:
+            self._confirm("Are all wheels off the ground?", "Yes, turn the wheels", self._guide.check)
+            return
+        with box("tp-buttons"):
+            self._button("Turn the wheels", self._ask)
+            outcome = self._guide.outcomes.get(Step.CHECK)
+            if outcome is not None and outcome.verdict != "fail":
+                self._button("Continue", self._guide.advance, main=False)
+
+    def _start(self) -> None:
+        _text(
+            f"Put the robot on the floor, with {LANE_M:g} m of free space ahead of it and behind it. "
+            "The first start compiles for up to two minutes."
+        )
+        with box("tp-buttons"):
+            self._button("Start the robot", self._guide.start)
+
+    def _tune(self) -> None:
+        _text(
+            "The robot drives back and forth on its own, measures both motors and sets matching gains. "
+            "STOP or leaving this page ends it."
+        )
+        if self._guide.is_tuned:
+            with box("tp-buttons"):
+                self._button("Keep the gains", self._guide.keep_gains)
+                self._button("Do not keep them", self._guide.advance, main=False)
+            return
+        if self.confirming:
+            message = {"kind": "experiment", "name": "tune", "lane_m": LANE_M}
+            question = f"Is a lane of {LANE_M:g} m ahead and behind clear, 0.8 m wide?"
+            self._confirm(question, "Yes, tune the wheels", None, message)
+            return
+        with box("tp-buttons"):
+            self._button("Tune", self._ask)
+            self._button("Skip", self._guide.advance, main=False)
+
+    def _drive(self) -> None:
+        _text("Arm, then hold the joystick: up drives ahead. Release it: the robot stops. Drive 0.3 m.")
+        with box("tp-buttons"):
+            self._button("Arm", None, message={"kind": "command", "name": "arm"})
+            self._next()
+
+    def _map(self) -> None:
+        _text(
+            "Explore: the robot maps the room from frontier to frontier at 0.2 m/s, and returns. Stay beside "
+            "it. Or arm and drive it with the joystick."
+        )
+        with box("tp-buttons"):
+            self._button("Explore", self._guide.repeat, message={"kind": "command", "name": "explore"})
+            self._next()
+
+    def _goal(self) -> None:
+        _text("Choose the goal tool of the map (G). Press at a free place, drag to set the heading.")
+        with box("tp-buttons"):
+            self._next()
+
+    def _save(self) -> None:
+        self._field("Name of the map", "_map_name")
+        with box("tp-buttons"):
+            self._button("Save the map", lambda: self._guide.save(self._map_name))
+
+    def _done(self) -> None:
+        config = self._guide.config
+        _text("The robot is set up, and its map is saved.")
+        _text("Press Ctrl-C in the terminal to stop it. Start it the next time with:")
+        inline(f"<pre>thumper run --config {escape(str(config))} --ui</pre>")
+        _text("It drives at 0.2 m/s at most until you delete that limit from the file.")
+
+    def _next(self) -> None:
+        """Add the button that goes on: the main one once the step has succeeded."""
+        outcome = self._guide.outcomes.get(self._guide.step)
+        succeeded = outcome is not None and outcome.verdict == "pass"
+        self._button("Continue" if succeeded else "Skip", self._guide.advance, main=succeeded)
+
+    def _ask(self) -> None:
+        self.confirming = True
+
+    def _confirm(
+        self,
+        question: str,
+        answer: str,
+        action: Callable[[], Any] | None,
+        message: dict[str, Any] | None = None,
+    ) -> None:
+        async def confirmed() -> None:
+            self.confirming = False
+            if action is not None:
+                await action()
+
+        def refused() -> None:
+            self.confirming = False
+
+        ui.label(question).classes("tg-question")
+        with box("tp-buttons"):
+            self._button(answer, confirmed, message=message)
+            self._button("Not yet", refused, main=False)
+
+    def _button(
+        self,
+        text: str,
+        action: Callable[[], Any] | None,
+        *,
+        main: bool = True,
+        message: dict[str, Any] | None = None,
+    ) -> None:
+        """Add a button that calls `action` on the server, and makes the page send `message`."""
+        data = {} if message is None else {"data-command": json.dumps(message)}
+        with button("tp-go" if main else "tp-plain", data) as element:
+            inline(f"<span>{escape(text)}</span>")
+        if self._guide.busy is not None:
+            element.props("disabled")
+        if action is not None:
+            element.on("click", action)
+
+    def _select(self, label: str, attribute: str, options: dict[str, str]) -> None:
+        value = getattr(self, attribute)
+        (
+            ui.select(
+                options,
+                label=label,
+                value=value if value in options else None,
+                on_change=lambda event: setattr(self, attribute, event.value or ""),
+            )
+            .props("dense outlined")
+            .classes("tg-field")
+        )
+
+    def _field(self, label: str, attribute: str) -> None:
+        (
+            ui.input(
+                label,
+                value=getattr(self, attribute),
+                on_change=lambda event: setattr(self, attribute, str(event.value or "")),
+            )
+            .props("dense outlined")
+            .classes("tg-field")
+        )
+
+
+def _text(text: str) -> None:
+    ui.label(text).classes("tg-text")

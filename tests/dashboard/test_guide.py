@@ -1,0 +1,127 @@
+"""The parts of the first run's guide, without a browser."""
+
+import asyncio
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from thumper.common.errors import ThumperError
+from thumper.common.geometry import Pose2
+from thumper.config.robot import load_config
+from thumper.dashboard.guide.command import Command
+from thumper.dashboard.guide.guide import Guide, Step, judge_check
+from thumper.dashboard.guide.robot_file import SIMULATED, Ports, write_robot_file
+from thumper.dashboard.guide.robot_watch import RobotWatch
+from thumper.dashboard.page_commands import PageCommands, TeleopLimits
+from thumper.dashboard.page_messages import EStop
+from thumper.ros.status import Status
+from thumper.ros.to_ros import Messages
+
+REAL = Ports(board="/dev/ttyUSB0", lidar="/dev/ttyUSB1", lidar_model="ld19")
+
+
+def test_written_configuration_has_the_ports_and_a_low_speed(tmp_path: Path) -> None:
+    settings = load_config(write_robot_file(tmp_path, "robot.toml", REAL))
+    assert (settings.board.port, settings.lidar.port, settings.lidar.model) == (
+        "/dev/ttyUSB0",
+        "/dev/ttyUSB1",
+        "ld19",
+    )
+    assert settings.navigation.limits.v_max_m_s == 0.2
+
+
+def test_a_configuration_that_exists_stays(tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text("mine")
+    with pytest.raises(ThumperError, match=r"stays as it is; .*`thumper setup --config robot.toml"):
+        write_robot_file(tmp_path, "robot.toml", REAL)
+    assert (tmp_path / "robot.toml").read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["", "../robot.toml", "robot", "/tmp/a.toml", ".toml", "a b.toml"])
+def test_a_path_is_no_file_name(tmp_path: Path, name: str) -> None:
+    with pytest.raises(ThumperError, match="use letters"):
+        write_robot_file(tmp_path, name, REAL)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("board", "lidar"), [("", "/dev/a"), ("/dev/a", ""), ("/dev/a", "/dev/a")])
+def test_both_ports_are_needed(tmp_path: Path, board: str, lidar: str) -> None:
+    with pytest.raises(ThumperError, match="choose the board's port"):
+        write_robot_file(tmp_path, "robot.toml", Ports(board=board, lidar=lidar))
+
+
+def test_a_failed_command_becomes_the_outcome_and_the_step_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    guide = Guide("127.0.0.1:1", config=tmp_path / "robot.toml", ports=REAL)
+    guide.begin(Step.FLASH)
+    asyncio.run(guide.flash("trex", "old"))
+    assert guide.step is Step.FLASH
+    assert guide.busy is None
+    assert guide.outcomes[Step.FLASH].verdict == "fail"
+    assert guide.outcomes[Step.FLASH].text.startswith("/dev/ttyUSB0: no such port")
+
+
+LEFT = "pass  left motor forward: left encoder +204, right encoder +0 counts"
+RIGHT = "pass  right motor forward: right encoder +218, left encoder +0 counts"
+BACKWARD = "fail  right motor forward: right encoder -218, left encoder +0 counts: wrong direction"
+
+
+@pytest.mark.parametrize(
+    ("lines", "verdict", "text"),
+    [
+        (["pass  battery 7.66 V", LEFT, RIGHT], "pass", "both sides turn forward, and"),
+        (["fail  telemetry: jitter 240 ms", LEFT, RIGHT], "warn", "but telemetry: jitter 240 ms"),
+        ([LEFT, BACKWARD, "fail  lidar"], "fail", "right encoder -218"),
+        ([LEFT, "fail  board: sent nothing"], "fail", "board: sent nothing"),
+        (["pass  battery 7.66 V"], "fail", "not turned"),
+    ],
+)
+def test_only_wheels_that_turn_forward_pass_the_check(lines: list[str], verdict: str, text: str) -> None:
+    outcome = judge_check(lines)
+    assert outcome.verdict == verdict
+    assert text in outcome.text
+
+
+def test_emergency_stop_and_a_closed_page_interrupt_the_command() -> None:
+    guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
+    guide.busy = Step.CHECK
+    interrupted: list[str] = []
+    guide._command = SimpleNamespace(interrupt=lambda: interrupted.append("now"))  # type: ignore[assignment]
+    bus = SimpleNamespace(publish=lambda *_arguments, **_options: None)
+    commands = PageCommands(bus, TeleopLimits(v_m_s=0.4, w_rad_s=1.0), lambda: None)  # type: ignore[arg-type]
+    commands.on_stop = guide.interrupt
+    commands.handle("page", EStop(kind="estop"))
+    assert interrupted == ["now"]
+    commands.on_disconnect("page")
+    assert interrupted == ["now", "now"]
+    guide.busy = Step.FLASH  # half a firmware is worse than none
+    commands.on_disconnect("page")
+    assert interrupted == ["now", "now"]
+
+
+def test_an_interrupt_before_the_start_ends_the_command() -> None:
+    async def run() -> int:
+        command = Command("watch", "--bus", "127.0.0.1:1")
+        command.interrupt()
+        return await asyncio.wait_for(command.run(), 120)
+
+    assert asyncio.run(run()) != 0
+
+
+def test_only_manual_driving_counts() -> None:
+    watch, messages = RobotWatch(), Messages()
+
+    def drive(mode: str, *places: float) -> None:
+        watch.on_status(messages.status(Status(time_s=0.0, mode=mode)))
+        for x_m in places:
+            watch.on_pose(messages.pose(0.0, Pose2(x_m=x_m)))
+
+    drive("driving", 0.0, 0.4)
+    assert watch.manual_m == 0.0
+    drive("manual", 0.5, 0.4, 9.0)  # the last one is a correction
+    assert watch.manual_m == pytest.approx(0.2)
+    watch.restart()
+    assert watch.manual_m == 0.0
