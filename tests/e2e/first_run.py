@@ -21,6 +21,7 @@ from playwright.sync_api import Page, expect, sync_playwright
 
 STEP_TIMEOUT_MS = 900_000  # exploring at 0.2 m/s takes minutes
 DESK, PHONE = {"width": 1440, "height": 900}, {"width": 390, "height": 844}
+BUSY_MS = 120_000  # a busy computer takes its time for each click
 TRIES = 3  # a busy computer delays the emulated board as a loose cable would
 
 
@@ -34,6 +35,8 @@ class Guided:
         self.took: list[tuple[str, int, float]] = []  # step, clicks and seconds so far
         self._pictures = pictures
         self._begun_s = time.monotonic()
+        page.set_default_timeout(BUSY_MS)
+        expect.set_options(timeout=BUSY_MS)
 
     @contextmanager
     def server(self) -> Iterator[None]:
@@ -96,6 +99,19 @@ class Guided:
                 break
         self.done(step, following)
 
+    def repeated(self, buttons: tuple[str, ...]) -> None:
+        """Let the robot drive until that succeeds: a busy computer delays heartbeats, and the robot stops."""
+        passed, failed = (self.page.locator(f".tg-outcome.tg-{verdict}") for verdict in ("pass", "fail"))
+        for _ in range(TRIES):
+            for text in buttons:
+                self.click(text)
+            expect(failed).to_be_hidden()
+            expect(passed.or_(failed)).to_be_visible(timeout=STEP_TIMEOUT_MS)
+            if passed.is_visible():
+                return
+            print(failed.inner_text(), flush=True)
+        raise AssertionError(f"{buttons[0]} failed {TRIES} times")
+
     def _now(self, step: str) -> None:
         expect(self.page.locator(f".tg-now[data-name={step}]")).to_be_visible(timeout=STEP_TIMEOUT_MS)
 
@@ -115,10 +131,8 @@ def bare_board_to_running_robot(walk: Guided) -> None:
 
 def running_robot_to_saved_map(walk: Guided) -> None:
     """Tune, drive, explore, drive to a goal, save."""
-    walk.click("Tune")
     walk.picture("5-tune")
-    walk.click("Yes, tune the wheels")
-    walk.outcome("pass")
+    walk.repeated(("Tune", "Yes, tune the wheels"))
     walk.click("Keep the gains")
     walk.done("tune", "drive")
     walk.click("Arm")
@@ -127,7 +141,7 @@ def running_robot_to_saved_map(walk: Guided) -> None:
     walk.picture("6-drive")
     walk.click("Continue")
     walk.done("drive", "map")
-    _explore(walk)
+    walk.repeated(("Explore",))
     walk.picture("7-map")
     walk.click("Continue")
     walk.done("map", "goal")
@@ -155,19 +169,6 @@ def _drive_ahead(walk: Guided) -> None:
     walk.outcome("pass")
     walk.page.mouse.up()
     walk.clicks += 1
-
-
-def _explore(walk: Guided) -> None:
-    """Explore; again if the busy computer delayed the page's heartbeats, which stops the robot."""
-    passed, failed = (walk.page.locator(f".tg-outcome.tg-{verdict}") for verdict in ("pass", "fail"))
-    for _ in range(TRIES):
-        walk.click("Explore")
-        expect(failed).to_be_hidden()
-        expect(passed.or_(failed)).to_be_visible(timeout=STEP_TIMEOUT_MS)
-        if passed.is_visible():
-            return
-        print(failed.inner_text())
-    raise AssertionError("not explored")
 
 
 def _send_goal(walk: Guided, x_m: float, y_m: float) -> None:

@@ -33,6 +33,7 @@ COMMANDS = {
     "plan": ["--start", "--goal"],
     "edit": ["--rotate", "--free", "--crop", "--out"],
     "flash": ["--port"],
+    "setup": ["--config", "--bus", "--port"],
     "dashboard": ["--host", "--port", "--make-certificate"],
     "record": ["--out", "--seconds"],
     "teleop": ["--gamepad", "--bus"],
