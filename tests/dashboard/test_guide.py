@@ -91,7 +91,7 @@ def test_emergency_stop_and_a_closed_page_interrupt_the_command() -> None:
     interrupted: list[str] = []
     guide._command = SimpleNamespace(interrupt=lambda: interrupted.append("now"))  # type: ignore[assignment]
     bus = SimpleNamespace(publish=lambda *_arguments, **_options: None)
-    commands = PageCommands(bus, TeleopLimits(v_m_s=0.4, w_rad_s=1.0), lambda: None)  # type: ignore[arg-type]
+    commands = PageCommands(bus, TeleopLimits(v_m_s=0.4, w_rad_s=1.0), lambda: None)
     commands.on_stop = guide.interrupt
     commands.handle("page", EStop(kind="estop"))
     assert interrupted == ["now"]
