@@ -9,7 +9,7 @@ import pytest
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.robot import load_config
-from thumper.dashboard.guide.command import Command
+from thumper.dashboard.guide.command import StepCommand
 from thumper.dashboard.guide.guide import Guide, Step, judge_check
 from thumper.dashboard.guide.robot_file import SIMULATED, Ports, write_robot_file
 from thumper.dashboard.guide.robot_watch import RobotWatch
@@ -104,7 +104,7 @@ def test_emergency_stop_and_a_closed_page_interrupt_the_command() -> None:
 
 def test_an_interrupt_before_the_start_ends_the_command() -> None:
     async def run() -> int:
-        command = Command("watch", "--bus", "127.0.0.1:1")
+        command = StepCommand("watch", "--bus", "127.0.0.1:1")
         command.interrupt()
         return await asyncio.wait_for(command.run(), 120)
 

@@ -12,8 +12,8 @@ END_TIMEOUT_S = 5.0  # the motors stop by themselves long before, if a command d
 ENVIRONMENT = {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "COLUMNS": "1000"}  # one line stays one line
 
 
-class Command:
-    """One running command."""
+class StepCommand:
+    """A command of a step."""
 
     def __init__(self, *arguments: str) -> None:
         self.arguments = arguments

@@ -14,9 +14,9 @@ from typing import Literal
 
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 from thumper.dashboard.board_parameters import Parameters
-from thumper.dashboard.guide.command import Command
+from thumper.dashboard.guide.command import StepCommand
 from thumper.dashboard.guide.robot_file import SIMULATED, Ports, write_robot_file
-from thumper.dashboard.guide.robot_watch import RobotBus, RobotWatch
+from thumper.dashboard.guide.robot_watch import RobotWatch, WatchedBus
 from thumper.ros import services
 from thumper.ros.services import NamedMap
 
@@ -45,25 +45,25 @@ STEPS = tuple(Step)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class StepOutcome:
     """How a step ended, in one line with the fix."""
 
     verdict: Literal["pass", "warn", "fail"]
     text: str
 
 
-def judge_check(lines: list[str]) -> Outcome:
+def judge_check(lines: list[str]) -> StepOutcome:
     """Judge the report of `thumper doctor --spin`: a wheel that turns the wrong way must be fixed first."""
     failed = [line.removeprefix("fail").strip() for line in lines if line.startswith("fail")]
     turned = [line for line in lines if TURNED in line]
     wrong = [line.removeprefix("fail").strip() for line in turned if line.startswith("fail")]
     if wrong:
-        return Outcome(verdict="fail", text=wrong[0])
+        return StepOutcome(verdict="fail", text=wrong[0])
     if len(turned) < 2:
-        return Outcome(verdict="fail", text=failed[0] if failed else "the wheels were not turned")
+        return StepOutcome(verdict="fail", text=failed[0] if failed else "the wheels were not turned")
     if failed:
-        return Outcome(verdict="warn", text=f"both sides turn forward, but {failed[0]}")
-    return Outcome(verdict="pass", text="both sides turn forward, and each encoder counts its own side")
+        return StepOutcome(verdict="warn", text=f"both sides turn forward, but {failed[0]}")
+    return StepOutcome(verdict="pass", text="both sides turn forward, and each encoder counts its own side")
 
 
 class Guide:
@@ -72,21 +72,21 @@ class Guide:
     def __init__(self, bus_address: str, *, config: Path | None = None, ports: Ports | None = None) -> None:
         """`config` with its `ports` is an existing configuration, which is used as it is."""
         self.step = Step.ROBOT
-        self.outcomes: dict[Step, Outcome] = {}
+        self.outcomes: dict[Step, StepOutcome] = {}
         self.config = config
         self.ports = ports
         self.is_tuned = False
         self.busy: Step | None = None
         self.watch = RobotWatch()
         self._bus_address = bus_address
-        self._robot: RobotBus | None = None
-        self._command: Command | None = None  # of the step
-        self._simulator: Command | None = None  # of the bare board
-        self._run: Command | None = None  # `thumper run`
+        self._robot: WatchedBus | None = None
+        self._command: StepCommand | None = None  # of the step
+        self._simulator: StepCommand | None = None  # of the bare board
+        self._run: StepCommand | None = None  # `thumper run`
         self._tasks: set[asyncio.Task[int]] = set()
         self._terminals = tempfile.TemporaryDirectory(prefix="thumper-setup-")
 
-    def connect(self, robot: RobotBus) -> None:
+    def connect(self, robot: WatchedBus) -> None:
         """Use the bus of the robot that the guide will start."""
         self._robot = robot
         self.watch.connect(robot)
@@ -173,7 +173,7 @@ class Guide:
             await self._end_simulator()
             await self._end_run()
             bus = ("--bus", self._bus_address)
-            self._run = run = Command("run", "--config", str(self.config), *bus, "--fresh")
+            self._run = run = StepCommand("run", "--config", str(self.config), *bus, "--fresh")
             task = self._in_background(run)
             while self.watch.status is None:
                 if task.done():
@@ -271,10 +271,10 @@ class Guide:
             self.advance()
 
     def _set(self, verdict: Literal["pass", "warn", "fail"], text: str) -> None:
-        self.outcomes[self.step] = Outcome(verdict=verdict, text=text)
+        self.outcomes[self.step] = StepOutcome(verdict=verdict, text=text)
 
-    def _new(self, *arguments: str) -> Command:
-        self._command = Command(*arguments)
+    def _new(self, *arguments: str) -> StepCommand:
+        self._command = StepCommand(*arguments)
         return self._command
 
     def _port(self, device: Literal["board", "lidar"]) -> str:
@@ -283,7 +283,7 @@ class Guide:
         return str(getattr(self.ports, device))
 
     @property
-    def _connected(self) -> RobotBus:
+    def _connected(self) -> WatchedBus:
         if self._robot is None:
             raise ThumperError("the robot is not connected")
         return self._robot
@@ -292,7 +292,7 @@ class Guide:
         folder = Path(self._terminals.name)
         board, lidar = folder / "board", folder / "lidar"
         ports = ("--board-pty", str(board), "--lidar-pty", str(lidar))
-        command = Command("sim", *ports, "--bare", "--floor", "stand")
+        command = StepCommand("sim", *ports, "--bare", "--floor", "stand")
         task = self._in_background(command)
         while not lidar.exists():
             if task.done():
@@ -300,7 +300,7 @@ class Guide:
             await asyncio.sleep(WATCH_PERIOD_S)
         self._simulator = command
 
-    def _in_background(self, command: Command) -> "asyncio.Task[int]":
+    def _in_background(self, command: StepCommand) -> "asyncio.Task[int]":
         task = asyncio.create_task(command.run())
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

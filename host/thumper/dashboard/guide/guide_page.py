@@ -6,7 +6,7 @@ from nicegui import app as nicegui_app
 from nicegui import ui
 
 from thumper.dashboard.guide.guide import STEPS, Guide, Step
-from thumper.dashboard.guide.robot_watch import RobotBus
+from thumper.dashboard.guide.robot_watch import WatchedBus
 from thumper.dashboard.guide.step_controls import TITLES, StepControls
 from thumper.dashboard.page import PageOptions
 from thumper.dashboard.page_commands import PageCommands
@@ -19,7 +19,7 @@ SHOW_STEP = "document.querySelector('.tg-now')?.scrollIntoView({block: 'center'}
 MARKS = {"pass": "check_circle", "warn": "warning", "fail": "error"}
 
 
-def add_guide(guide: Guide, robot: RobotBus, options: PageOptions, commands: PageCommands) -> None:
+def add_guide(guide: Guide, robot: WatchedBus, options: PageOptions, commands: PageCommands) -> None:
     """Add the page `/setup` to the web application, and run the guide with it."""
     guide.connect(robot)
     commands.on_stop = guide.interrupt

@@ -17,7 +17,7 @@ SILENT_S = 1.5
 LONGEST_STEP_M = 0.5  # a longer one is a correction of the estimate, not motion
 
 
-class RobotBus(QueryClient, Protocol):
+class WatchedBus(QueryClient, Protocol):
     """The part of the bus client that the guide needs."""
 
     def subscribe(self, topic: str, callback: Callable[[Message], None]) -> None:
@@ -36,7 +36,7 @@ class RobotWatch:
         self._manual_m = 0.0
         self._events: list[str] = []
 
-    def connect(self, robot: RobotBus) -> None:
+    def connect(self, robot: WatchedBus) -> None:
         """Subscribe to the robot's topics."""
         robot.subscribe("status", self.on_status)
         robot.subscribe("pose", self.on_pose)
