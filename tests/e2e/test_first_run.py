@@ -19,6 +19,9 @@ def test_bare_board_is_flashed_and_stop_ends_the_wheel_check(tmp_path: Path) -> 
         page.on("pageerror", lambda error: problems.append(str(error)))
         walk = Guided(page, tmp_path)
         with walk.server():
+            expect(page.locator("#tp-banner")).to_have_text(
+                "Waiting for the robot …"
+            )  # STOP has a connection
             walk.click("Simulated robot")
             walk.done("robot", "flash")
             walk.retried("flash", "check", ("Flash",))

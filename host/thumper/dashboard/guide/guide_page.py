@@ -66,10 +66,11 @@ def _build_page(guide: Guide, options: PageOptions) -> None:
         with box("tg-right"):
             with box("tp-mapbox"):
                 Widget("map", {"footprint": options.footprint_m}).classes("tp-map")
-            inline(
-                '<div class="tp-state"><span class="tp-mode" data-field="mode"></span>'
-                '<span class="tp-reason" data-field="reason"></span></div>'
-            )
+            with box("tp-state"):
+                inline(
+                    '<span class="tp-mode" data-field="mode"></span>'
+                    '<span class="tp-reason" data-field="reason"></span>'
+                )
     with box("tg-fault").props("role=alert"):
         inline('<b data-field="fault_words"></b><span data-field="fault_cure"></span>')
         with button("tp-plain", {"data-command": '{"kind": "command", "name": "clear_fault"}'}):

@@ -24,8 +24,8 @@ export function startPage() {
   startCommands();
   startReadouts();
   startShortcuts();
+  startStream(); // first: the emergency stop needs it, and nothing below
   addPlayback();
   addMapEditor();
-  startStream();
   window.thumper = { state }; // for the browser console and for tests
 }
