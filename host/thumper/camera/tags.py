@@ -77,7 +77,7 @@ def sightings(frame: CameraFrame, camera: CameraOptions, sizes_m: dict[int, floa
             continue
         poses = tag_poses(tag.corners_px, sizes_m[tag.number], camera)
         if poses:
-            planar = tuple(_planar(camera.base_from_optical() @ pose) for pose in poses)
+            planar = tuple(planar_pose(camera.base_from_optical() @ pose) for pose in poses)
             range_m = float(np.linalg.norm(poses[0][:3, 3]))
             found.append(
                 TagSighting(time_s=frame.time_s, number=tag.number, range_m=range_m, base_from_tag=planar)
@@ -111,7 +111,16 @@ def tag_poses(corners_px: FloatArray, size_m: float, camera: CameraOptions) -> l
     return found
 
 
-def _planar(base_from_tag: FloatArray) -> Pose2:
+def undistorted(corners_px: FloatArray, camera: CameraOptions) -> FloatArray:
+    """Return the corners as an ideal camera of focal length 1 would see them, shape (n, 2)."""
+    import cv2
+
+    distortion = np.array(camera.distortion, dtype=np.float64)
+    ideal = cv2.undistortPoints(corners_px.reshape(-1, 1, 2), camera.matrix(), distortion)
+    return np.asarray(ideal, np.float64).reshape(-1, 2)
+
+
+def planar_pose(base_from_tag: FloatArray) -> Pose2:
     """Project a pose to the plane; theta is where the tag faces."""
     x_m, y_m = base_from_tag[:2, 3]
     return Pose2(

@@ -11,6 +11,7 @@ from typer.core import TyperArgument, TyperCommand
 
 from thumper.cli import bus
 from thumper.cli.dashboard import dashboard
+from thumper.cli.dock import dock
 from thumper.cli.doctor import doctor
 from thumper.cli.edit import edit
 from thumper.cli.explore import explore
@@ -39,6 +40,7 @@ COMMANDS = {  # plugins of other packages add more
     for command in (
         run,
         explore,
+        dock,
         goto,
         stop,
         teleop,
@@ -64,7 +66,7 @@ COMMANDS = {  # plugins of other packages add more
 PANELS = {  # the order of `thumper --help`
     "Try it without hardware": ("demo", "sim"),
     "Set up a robot": ("setup", "doctor", "flash", "tune", "calibrate", "bus"),
-    "Drive": ("run", "explore", "goto", "stop", "teleop", "mode", "save"),
+    "Drive": ("run", "explore", "dock", "goto", "stop", "teleop", "mode", "save"),
     "Watch and connect": ("status", "watch", "dashboard", "ros", "foxglove"),
     "Recordings": ("record", "replay", "export", "recover"),
     "Maps": ("map-log", "plan", "edit"),

@@ -11,6 +11,7 @@ from annotated_types import Gt, Le
 from pydantic import StringConstraints, TypeAdapter
 
 from thumper.board.options import BoardOptions
+from thumper.camera.dock_options import DockOptions
 from thumper.camera.options import CameraOptions
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.kinematics import DriveGeometry
@@ -50,6 +51,7 @@ class RobotConfig:
     imu: ImuOptions = field(default_factory=ImuOptions)
     gps: GpsOptions = field(default_factory=GpsOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
+    dock: DockOptions = field(default_factory=DockOptions)
     mapping: MappingOptions = field(default_factory=MappingOptions)
     localization: AmclOptions = field(default_factory=AmclOptions)
     footprint: Footprint = field(default_factory=Footprint)

@@ -49,6 +49,7 @@ from thumper.slam.saved_state import SavedSlamState, load_session, save_session
 if TYPE_CHECKING:
     from thumper.robot.figure import RobotFigure
     from thumper.robot.live_figure import LiveFigure
+    from thumper.runtime.drive.docking import Docking
 
 NEAR_M, NEAR_RAD = 0.1, 0.1
 DISARM_CYCLES = 3  # telemetry from before the disarming may still arrive
@@ -266,6 +267,32 @@ class Robot:
         explorer = Explorer(ExplorationOptions(), self._config.footprint)
         task = explore(explorer, self._loop.map_and_pose, home, limit_s=limit_s, report=print)
         return self._carry_out(task)
+
+    def dock(self) -> DriveResult:
+        """Dock at the charger by the tag on it; `[dock]` of the configuration describes it.
+
+        Raises
+        ------
+        ThumperError
+            The robot has no camera, or the board has latched a fault.
+        """
+        return self._carry_out(self._docking().dock())
+
+    def undock(self) -> DriveResult:
+        """Drive back from the dock.
+
+        Raises
+        ------
+        ThumperError
+            As `dock`.
+        """
+        return self._carry_out(self._docking().undock())
+
+    def _docking(self) -> "Docking":
+        docking = self._loop.request_handler.docking
+        if docking is None:
+            raise ThumperError("dock: there is no camera; set [camera] enabled = true", exit_code=EXIT_USAGE)
+        return docking
 
     def wait(self, duration_s: float = 1.0) -> None:
         """Stay stationary and continue mapping for a while.

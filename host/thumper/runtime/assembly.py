@@ -10,6 +10,7 @@ from typing import TypeVar
 from thumper.board.board import Board
 from thumper.board.gyroscope import check_gyroscope
 from thumper.board.messages import GyroscopeState, Identity
+from thumper.camera.tag_tracker import TagTracker
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.kinematics import DriveGeometry
@@ -31,6 +32,7 @@ from thumper.navigation.warm_up import warm_up as warm_up_navigation
 from thumper.odometry.drive_train_monitor import DriveTrainMonitor
 from thumper.ros.to_ros import Messages
 from thumper.runtime.drive.assisted_teleop import AssistedTeleop
+from thumper.runtime.drive.docking import Docking
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.drive.goal_limits import GoalLimits
 from thumper.runtime.drive.task_driver import TaskDriver
@@ -39,7 +41,7 @@ from thumper.runtime.publisher import Publisher
 from thumper.runtime.reconnection import Connecting, Reconnection
 from thumper.runtime.requests import LogMessage
 from thumper.runtime.sensor_inputs import TELEMETRY_TIMEOUT_S, SensorInputs
-from thumper.runtime.sensor_table import GPS, KINDS, SensorFeed, open_feed
+from thumper.runtime.sensor_table import CAMERA, GPS, KINDS, SensorFeed, open_feed
 from thumper.runtime.service.library import MapStorage
 from thumper.runtime.service.map_annotations import MapAnnotations
 from thumper.runtime.service.map_saver import MapSaver
@@ -199,6 +201,7 @@ def _wire(
             saver=saver,
             opened=saving.opened,
         ),
+        docking=_docking(config, inputs),
     )
     return RobotLoop(
         RobotParts(
@@ -210,6 +213,21 @@ def _wire(
             publisher=publisher,
             reconnection=Reconnection(inputs, drive_manager, publisher, lambda: _connect(config)),
         )
+    )
+
+
+def _docking(config: RobotConfig, inputs: SensorInputs) -> Docking | None:
+    """Return what docks the robot; None without a camera."""
+    feed = next((feed for feed in inputs.feeds if feed.kind is CAMERA), None)
+    if feed is None:
+        return None
+    return Docking(
+        options=config.dock,
+        inputs=inputs,
+        tracker=TagTracker(config.dock.tag, config.dock.tag_size_m, config.camera),
+        limits=config.navigation.limits,
+        monitor=collision_monitor(config),
+        newest_frames=lambda: feed.samples,
     )
 
 

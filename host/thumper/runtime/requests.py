@@ -68,7 +68,17 @@ def parse_goals(content: Mapping[str, Any], annotations: Annotations) -> tuple[t
 # The topic `command` accepts these words and no others.
 COMMANDS = (
     *("cancel", "clear_fault", "clear_costmaps", "arm", "disarm", "estop"),
-    *("record_start", "record_stop", "save_map", "explore", "localise", "map_on", "relocalise"),
+    *(
+        "record_start",
+        "record_stop",
+        "save_map",
+        "explore",
+        "dock",
+        "undock",
+        "localise",
+        "map_on",
+        "relocalise",
+    ),
 )
 
 

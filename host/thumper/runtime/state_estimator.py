@@ -204,6 +204,10 @@ class StateEstimator:
         assert state is not None
         return self.mapper.grid(), state.map_from_base
 
+    def odom_from_base_at(self, time_s: float) -> Pose2 | None:
+        """Return the odometry at a time within the last seconds; None if it does not cover it."""
+        return self._pose_buffer.at(time_s) if self._pose_buffer.covers(time_s) else None
+
     def state(self) -> RobotState | None:
         """Return the state at the newest telemetry; None before the first."""
         if self._newest is None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from thumper.common.errors import ThumperError
-from thumper.common.geometry import Pose2
+from thumper.common.geometry import Pose2, Twist2
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode, DriveOutcome
 from thumper.runtime.drive.goal_limits import GoalLimits
 from thumper.runtime.drive.legs import AnyLeg, Cruise, Leg, Move, Wait
@@ -118,12 +118,14 @@ class LegRun:
 
     def _follow(self, leg: Move) -> DriveOutcome | None:
         """Pass on the next command of a motion, or return how it ended."""
-        if self._drive_manager.mode is DriveMode.IDLE:
-            return DriveOutcome(reached=False, reason=self._drive_manager.reason)
+        by_user = self._drive_manager.stops > self._stops_before
+        if by_user or self._drive_manager.mode is DriveMode.IDLE:
+            return DriveOutcome(reached=False, reason=self._drive_manager.reason, by_user=by_user)
         state = self._inputs.estimator.state()
         assert state is not None  # the leg has started
         command = leg.motion(state)
         if isinstance(command, MotionEnd):
+            self._drive_manager.cruise(Twist2())
             return DriveOutcome(reached=command.done, reason=command.reason)
         self._drive_manager.cruise(command)
         return None

@@ -40,7 +40,7 @@ class MotionEnd:
 Motion = Callable[[RobotState], Twist2 | MotionEnd]  # the next command, once per control cycle
 
 
-class _Axis:
+class Axis:
     """Brings one coordinate, in m or rad, to its end: accelerate, brake, wait until still, correct."""
 
     def __init__(
@@ -77,7 +77,7 @@ def drive_on_heading(distance_m: float, limits: SpeedLimits, start: Pose2) -> Mo
 
     The robot returns to that line if it is beside it (Kanayama et al. 1990, eq. 8).
     """
-    axis = _Axis(
+    axis = Axis(
         speed=limits.v_max_m_s,
         accel=limits.v_accel_m_s2,
         slowest=SLOWEST_M_S,
@@ -101,7 +101,7 @@ def drive_on_heading(distance_m: float, limits: SpeedLimits, start: Pose2) -> Mo
 
 def spin(angle_rad: float, limits: SpeedLimits, start: Pose2) -> Motion:
     """Return the turn in place by `angle_rad` from the heading of `start`; it may exceed a full turn."""
-    axis = _Axis(
+    axis = Axis(
         speed=limits.w_max_rad_s,
         accel=limits.w_accel_rad_s2,
         slowest=SLOWEST_TURN_RAD_S,

@@ -24,11 +24,11 @@ class Commands:
         inputs: SensorInputs,
         publisher: Publisher,
         preconditions: Preconditions,
-        explore: Callable[[str], str],
+        starters: Mapping[str, Callable[[str], str]],
         handlers: Mapping[str, CommandHandler],
     ) -> None:
-        """`explore` starts the exploration that a client requests; `handlers` are those of other packages."""
-        self._explore = explore
+        """`starters` start the task that a client requests; `handlers` are those of other packages."""
+        self._starters = starters
         self.handlers = dict(handlers)
         self._drive_manager = drive_manager
         self._inputs = inputs
@@ -54,8 +54,8 @@ class Commands:
             return self._change_mode(name)
         if command := self._drive_commands.get(name):
             return command()
-        if name == "explore":
-            return self._explore(source)
+        if starter := self._starters.get(name):
+            return starter(source)
         handler = self.handlers.get(name)
         if handler is None:
             raise ThumperError(f"this run does not support {name.replace('_', ' ')}")

@@ -19,6 +19,7 @@ from thumper.ros.services import (
     Text,
 )
 from thumper.ros.to_ros import ERROR, INFO, WARN
+from thumper.runtime.drive.docking import Docking
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.drive.exploration import map_to_explore
 from thumper.runtime.drive.task_driver import TaskDriver
@@ -43,6 +44,7 @@ from thumper.runtime.sensor_inputs import SensorInputs
 from thumper.runtime.service import board_parameters, slam_mode, wheels
 from thumper.runtime.service.board_jobs import BoardJob, BoardJobQueue
 from thumper.runtime.service.commands import CommandHandler, Commands
+from thumper.runtime.service.dock_starter import DockStarter
 from thumper.runtime.service.experiments import Experiments
 from thumper.runtime.service.exploration_starter import ExplorationStarter
 from thumper.runtime.service.library import MapLibrary, MapStorage
@@ -73,11 +75,15 @@ class RequestHandler:
         publisher: Publisher,
         simulator: Simulator | None,
         storage: MapStorage,
+        docking: Docking | None = None,
     ) -> None:
         self.simulation = SimulatorControl(simulator)
         self.experiments = Experiments(drive_manager.heartbeats)
         self.board_jobs = BoardJobQueue()
         self.annotations = storage.annotations
+        self.docking = docking
+        if docking is not None:
+            docking.annotations = lambda: storage.annotations.value
         self._request_queue = request_queue
         self._stall_guard = StallGuard()
         self._drive_manager = drive_manager
@@ -91,19 +97,28 @@ class RequestHandler:
             publisher=publisher,
             preconditions=self._preconditions,
         )
+        exploration = ExplorationStarter(
+            footprint=storage.annotations.footprint,
+            task_driver=task_driver,
+            now=map_to_explore(inputs.estimator, drive_manager.navigator),
+            inputs=inputs,
+            publisher=publisher,
+            preconditions=self._preconditions,
+        )
+        dock = DockStarter(
+            docking=docking,
+            task_driver=task_driver,
+            drive_manager=drive_manager,
+            inputs=inputs,
+            publisher=publisher,
+            preconditions=self._preconditions,
+        )
         self._commands = Commands(
             drive_manager=drive_manager,
             inputs=inputs,
             publisher=publisher,
             preconditions=self._preconditions,
-            explore=ExplorationStarter(
-                footprint=storage.annotations.footprint,
-                task_driver=task_driver,
-                now=map_to_explore(inputs.estimator, drive_manager.navigator),
-                inputs=inputs,
-                publisher=publisher,
-                preconditions=self._preconditions,
-            ).start,
+            starters={"explore": exploration.start, "dock": dock.dock, "undock": dock.undock},
             handlers={"save_map": storage.saver} if storage.saver else {},
         )
         self._library = MapLibrary(

@@ -32,12 +32,12 @@ def starts_motion(request: Request) -> bool:
     A manual command cannot: the robot must be armed first.
     """
     match request:
-        case GoTo() | RobotCommand(name="arm" | "explore"):
+        case GoTo() | RobotCommand(name="arm" | "explore" | "dock" | "undock"):
             return True
         case Query(
             name=services.MISSION_SEND.name | services.MISSION_FOLLOW.name | services.EXPERIMENT_START.name
         ):
             return True
         case Query(name=services.COMMAND.name):
-            return request.content.get("command") in ("arm", "explore")
+            return request.content.get("command") in ("arm", "explore", "dock", "undock")
     return False

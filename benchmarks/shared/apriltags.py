@@ -1,0 +1,95 @@
+"""Accuracy of a tag's pose over distance in rendered frames, and tags found in published photographs.
+
+Run: python benchmarks/shared/apriltags.py
+     python benchmarks/shared/apriltags.py --photographs FOLDER    # test/data of AprilRobotics/apriltag
+"""
+
+import argparse
+import math
+import re
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from thumper.camera.frame import CameraFrame
+from thumper.camera.options import CameraOptions
+from thumper.camera.tag_tracker import TagTracker
+from thumper.camera.tags import find_tags
+from thumper.common.geometry import FloatArray, Pose2, wrap_angle
+from thumper_hil.sensors.camera import JPEG_QUALITY, NOISE_STD
+from thumper_hil.sensors.camera_view import CameraView
+from thumper_hil.world.tag_shape import TagShape
+from thumper_hil.world.world import World
+
+TAG = TagShape(number=3, x_m=-1.6, y_m=0.1, z_m=0.2, yaw_deg=0.0, size_m=0.1)
+DISTANCES_M = (0.45, 0.6, 0.85, 1.15, 1.5, 2.0)
+VIEWS, FRAMES = 8, 8
+SAME_TAG_PX = 5.0
+
+
+def accuracy() -> None:
+    """Print the errors of the fitted pose."""
+    camera = CameraOptions()
+    view = CameraView((camera.width_px, camera.height_px), camera.matrix(), camera.base_from_optical())
+    world, rng = replace(World.load("lab"), tags=(TAG,)), np.random.default_rng(1)
+    for distance_m in DISTANCES_M:
+        turns_deg, offsets_mm = [], []
+        for _ in range(VIEWS):
+            side_rad = float(rng.uniform(-0.2, 0.2))  # of the robot, seen from the tag
+            pose = Pose2(
+                x_m=TAG.x_m + distance_m * math.cos(side_rad),
+                y_m=TAG.y_m + distance_m * math.sin(side_rad),
+                theta_rad=math.pi + side_rad + float(rng.uniform(-0.1, 0.1)),
+            )
+            tracker, clean = TagTracker(TAG.number, TAG.size_m, camera), view.render(world, pose)
+            for frame in range(FRAMES):
+                noisy = np.clip(clean + rng.normal(0.0, NOISE_STD, clean.shape), 0.0, 255.0).astype(np.uint8)
+                jpeg = cv2.imencode(".jpg", noisy, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].tobytes()
+                tracker.add(CameraFrame(time_s=0.1 * frame, jpeg=jpeg), pose)
+            found = tracker.odom_from_tag
+            if found is not None:
+                turns_deg.append(math.degrees(wrap_angle(found.theta_rad)))
+                offsets_mm.append(1e3 * math.hypot(found.x_m - TAG.x_m, found.y_m - TAG.y_m))
+        print(
+            f"| {distance_m:.2f} | {distance_m - camera.x_m:.2f} | {_rms(turns_deg):.2f} | "
+            f"{_rms(offsets_mm):.1f} | ({len(turns_deg)} of {VIEWS} found)"
+        )
+
+
+def photographs(folder: Path) -> None:
+    """Print how many of the listed tags were found; each list has the corners beside its photograph."""
+    found = listed = 0
+    for path in sorted(folder.glob("*.jpg")):
+        grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        centres = [
+            _centre(line) for line in path.with_suffix(".txt").read_text().splitlines() if line.strip()
+        ]
+        seen = [tag.corners_px.mean(axis=0) for tag in find_tags(grey)]
+        near = [any(np.abs(centre - one).max() < SAME_TAG_PX for one in seen) for centre in centres]
+        found, listed = found + sum(near), listed + len(near)
+        print(f"{path.name}: {sum(near)} of {len(near)}, {len(seen)} in all")
+    print(f"{found} of {listed}")
+
+
+def _centre(line: str) -> FloatArray:
+    corners = re.findall(r"\(([\d.-]+) ([\d.-]+)\)", line)
+    return np.array(corners, dtype=np.float64).mean(axis=0) - 0.5
+
+
+def _rms(values: list[float]) -> float:
+    return math.sqrt(float(np.mean(np.square(values)))) if values else math.nan
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--photographs", type=Path)
+    arguments = parser.parse_args()
+    if arguments.photographs:
+        photographs(arguments.photographs)
+    else:
+        accuracy()

@@ -1,0 +1,74 @@
+"""Starts the docking and undocking that a client requests."""
+
+from collections.abc import Callable
+
+from thumper.common.errors import ThumperError
+from thumper.ros.to_ros import INFO, WARN
+from thumper.runtime.drive.docking import Docking
+from thumper.runtime.drive.drive_manager import DriveManager
+from thumper.runtime.drive.task_driver import TaskDriver
+from thumper.runtime.drive.tasks import Task
+from thumper.runtime.publisher import Publisher
+from thumper.runtime.sensor_inputs import SensorInputs
+from thumper.runtime.service.preconditions import Preconditions
+
+DONE = {"dock": "docked", "undock": "undocked"}
+
+
+class DockStarter:
+    """Docks, and switches the motors off at the dock. An event says how it ended."""
+
+    def __init__(
+        self,
+        *,
+        docking: Docking | None,
+        task_driver: TaskDriver,
+        drive_manager: DriveManager,
+        inputs: SensorInputs,
+        publisher: Publisher,
+        preconditions: Preconditions,
+    ) -> None:
+        self._docking = docking
+        self._task_driver = task_driver
+        self._drive_manager = drive_manager
+        self._inputs = inputs
+        self._publisher = publisher
+        self._preconditions = preconditions
+
+    def dock(self, source: str) -> str:
+        """Start to dock; raise ThumperError if that is impossible now."""
+        return self._start("dock", lambda docking: docking.dock(), source)
+
+    def undock(self, source: str) -> str:
+        """Start to undock; raise ThumperError if that is impossible now."""
+        return self._start("undock", lambda docking: docking.undock(), source)
+
+    def _start(self, name: str, task_of: Callable[[Docking], Task], source: str) -> str:
+        self._preconditions.require_serving("docking")
+        self._preconditions.require_no_experiment()
+        if self._docking is None:
+            raise ThumperError("docking needs a camera: set [camera] enabled = true")
+        if not self._inputs.has_map:
+            raise ThumperError(f"cannot {name} yet: there is no map to plan with; is the lidar on?")
+        self._task_driver.begin_at_once(self._reported(name, task_of(self._docking)), source)
+        return f"{name}ing"
+
+    def _reported(self, name: str, task: Task) -> Task:
+        done = DONE[name]
+        try:
+            result = yield from task
+        except GeneratorExit:  # another task drives on
+            self._publisher.publish_event(f"not {done}: replaced by another task", WARN)
+            raise
+        except ThumperError as refusal:
+            self._end(f"not {done}: {refusal}", WARN)
+            raise
+        text = result.reason if result.reason.startswith(done) else f"{done}: {result.reason}"
+        if not result.reached:
+            text = f"not {done}: {result.reason}"
+        self._end(text, INFO if result.reached else WARN)
+        return result
+
+    def _end(self, text: str, level: int) -> None:
+        self._drive_manager.stop(text)  # a motion leaves the motors on
+        self._publisher.publish_event(text, level)

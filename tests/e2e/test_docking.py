@@ -1,0 +1,98 @@
+"""A running robot docks by the tag: the real firmware, a rendered camera, a world with a dock."""
+
+import importlib.util
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from unittest.mock import patch
+
+import pytest
+
+from tests.e2e.service import Service
+from thumper.camera.dock_options import DockOptions
+from thumper.camera.options import CameraOptions
+from thumper.common.geometry import Pose2
+from thumper.config.robot import RobotConfig, with_ports
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.requests import RobotCommand
+from thumper_hil.bench import simulation
+
+if importlib.util.find_spec("cv2") is None:
+    pytest.skip("the extra `camera` is not installed", allow_module_level=True)
+
+START = Pose2(x_m=-0.35, y_m=0.12, theta_rad=math.radians(170.0))  # the tag is in view
+DOCKED = Pose2(x_m=-1.595 + DockOptions().distance_m, theta_rad=math.pi)
+
+
+@contextmanager
+def robot(name: str, **dock: float) -> Iterator[Service]:
+    config = RobotConfig(camera=CameraOptions(enabled=True), dock=DockOptions(**dock))  # type: ignore[arg-type]
+    mission = f"world=charging&x_m={START.x_m}&y_m={START.y_m}&yaw_deg={math.degrees(START.theta_rad)}"
+    config = with_ports(config, board=f"sim://{name}/board?{mission}", lidar=f"sim://{name}/lidar")
+    with open_robot(config, START) as loop:
+        service = Service(loop, simulation(name))
+        with patch("time.monotonic", service.wall_s):
+            loop.wait_for_map()
+            loop.request_handler.accepts_goals = True
+            yield service
+
+
+def place(service: Service) -> Pose2:
+    _, x_m, y_m, theta_rad = service.bench.truth()[-1, :4].tolist()
+    return DOCKED.inverse() @ Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
+
+
+def said(service: Service, text: str) -> bool:
+    return any(event.startswith(text) for event in service.events)
+
+
+def test_docks_and_undocks_with_the_motors_off_afterwards() -> None:
+    with robot("docks") as service:
+        assert service.ask("command", {"command": "dock"})["text"] == "docking"
+        service.until(lambda: said(service, "docked: ") or said(service, "not docked"), max_cycles=1500)
+        service.until(lambda: service.mode == "idle")
+        assert said(service, "docked: "), service.events
+        at = place(service)
+        assert math.hypot(at.x_m, at.y_m) < 0.01
+        assert abs(math.degrees(at.theta_rad)) < 1.0
+        service.put(RobotCommand(name="undock"))
+        service.until(lambda: said(service, "undocked: "), max_cycles=300)
+        service.until(lambda: service.mode == "idle")
+        assert place(service).x_m == pytest.approx(-DockOptions().staging_m, abs=0.04)
+        assert service.bench.contacts == 0
+
+
+def test_a_cancelled_approach_is_not_tried_again() -> None:
+    with robot("cancelled-dock") as service:
+        service.put(RobotCommand(name="dock"))
+        service.until(lambda: place(service).x_m > -0.5, max_cycles=600)
+        service.put(RobotCommand(name="cancel"))
+        service.until(lambda: said(service, "not docked: cancelled"), max_cycles=5)
+        service.run_cycles(30)
+        assert service.mode == "idle"
+        assert -0.5 < place(service).x_m < -0.4
+
+
+def test_without_the_camera_the_robot_stops() -> None:
+    with robot("blind-dock", retries=0) as service:
+        service.put(RobotCommand(name="dock"))
+        service.until(lambda: place(service).x_m > -0.5, max_cycles=600)
+        service.bench.fault("camera", "unplugged")
+        service.until(lambda: said(service, "not docked: lost sight of the dock's tag"), max_cycles=20)
+        service.until(lambda: service.mode == "idle", max_cycles=20)
+        assert place(service).x_m < -0.3
+
+
+def test_without_a_charger_at_the_contacts_it_is_not_docked() -> None:
+    with robot("dead-charger", retries=0, charger_V=0.3) as service:
+        service.put(RobotCommand(name="dock"))
+        service.until(lambda: said(service, "not docked: no charger at the contacts"), max_cycles=1500)
+        service.until(lambda: service.mode == "idle", max_cycles=20)
+
+
+def test_an_unknown_dock_is_refused() -> None:
+    with robot("lost-dock", tag=5) as service:
+        service.put(RobotCommand(name="dock"))
+        service.until(lambda: said(service, "not docked: the tag is not in view, and the map has no place"))
+        service.run_cycles(10)
+        assert service.mode == "idle"
