@@ -29,6 +29,7 @@ COMMANDS = {
     "foxglove": ["--port", "--host"],
     "bus": ["keys"],
     "campaign": ["--workers", "--out"],
+    "dock": ["--undock", "--bus"],
     "explore": ["--board", "--bus", "out/explore"],
     "plan": ["--start", "--goal"],
     "edit": ["--rotate", "--free", "--crop", "--out"],
