@@ -16,7 +16,7 @@ TAU_S = 0.06
 def speed_log(window_s: float, row_s: float, delay_s: float, seconds: float = 8.0) -> MotorLog:
     """Return the log of a sensor that averages over `window_s`, of a wheel whose drive changes each 0.1 s."""
     wheel, step_s = Wheel(tau_s=TAU_S, delay_s=delay_s), 0.001
-    time_s = np.arange(round(seconds / step_s)) * step_s
+    time_s = np.arange(round(seconds / step_s), dtype=float) * step_s
     pwm = np.repeat(steps_and_prbs(round(seconds * 10.0), 3), round(0.1 / step_s))[: len(time_s)]
     angle_rad = wheel.drive(time_s, pwm, 3)
     rows = np.arange(0, len(time_s), round(row_s / step_s))

@@ -92,7 +92,7 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
     name, unit = logs[0].name, logs[0].drive_unit
     segments, _ = signed_segments(logs)
     data = FitData(segments=segments)
-    # So little data does not tell a sensor's window: a speed is a mean over up to a row's interval.
+    # So little data does not show a sensor's window: a speed is a mean over up to a row's interval.
     windows_s = {data.sensor_window_s, 0.0} if data.sensor_window_s is not None else {None}
     fits = {window_s: _fit(data.with_sensor_window(window_s)) for window_s in windows_s}
     window_s = min(fits, key=lambda w: fits[w].cost)

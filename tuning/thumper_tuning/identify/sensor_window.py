@@ -1,6 +1,6 @@
 """The part of delay and sensor's window that a log of speeds does not tell apart.
 
-While drive and rows have one clock, and delay plus window fit into a row, no speed tells them apart: only
+While drive and rows have one clock, and delay plus window fit into a row, no speed shows them apart: only
 `delay + tau ln((e^(W/tau) - 1) / (W/tau))` shows. The likelihood is flat along this line, so its curvature
 does not give the standard deviation; its values along the line do.
 """
