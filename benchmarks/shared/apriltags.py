@@ -78,7 +78,7 @@ def photographs(folder: Path) -> None:
 
 def _centre(line: str) -> FloatArray:
     corners = re.findall(r"\(([\d.-]+) ([\d.-]+)\)", line)
-    return np.array(corners, dtype=np.float64).mean(axis=0) - 0.5
+    return np.asarray(np.mean(np.array(corners, dtype=np.float64), axis=0) - 0.5, np.float64)
 
 
 def _rms(values: list[float]) -> float:
