@@ -40,7 +40,10 @@ class Adc {
     if (on_axis_) {
       on_axis_ = false;
       axes_[axis_] = ADCH;
-      if (++axis_ == kAxes) axis_ = 0;
+      if (++axis_ == kAxes) {
+        axis_ = 0;
+        axes_complete_ = true;
+      }
     } else {
       sample_ = ADC;
     }
@@ -69,9 +72,11 @@ class Adc {
     ADCSRA = kOn | 1 << ADSC;
   }
 
-  /// Return new readings of the accelerometer's axes, 8 bits of 5 V; false if there are none.
-  bool TakeAxes(uint8_t (*axes)[3]) const {
-    if (axis_ != 0 || !axes_used_) return false;
+  /// Return new readings of the accelerometer's axes, 8 bits of 5 V; false if there are none. If the main loop
+  /// is late, some may be 3 ms newer than others.
+  bool TakeAxes(uint8_t (*axes)[3]) {
+    if (!axes_complete_ || !axes_used_) return false;
+    axes_complete_ = false;
     for (uint8_t axis = 0; axis < kAxes; ++axis) (*axes)[axis] = axes_[axis];
     return true;
   }
@@ -112,7 +117,8 @@ class Adc {
   volatile bool ready_ = false;
   bool currents_at_a4_ = false;
   uint16_t sample_ = 0;
-  volatile uint8_t axis_ = 0;
+  uint8_t axis_ = 0;
   volatile uint8_t axes_[kAxes] = {0, 0, 0};
+  volatile bool axes_complete_ = false;
   bool on_axis_ = false, axes_used_ = false;
 };

@@ -60,30 +60,24 @@ class Drive {
 
   /// Set which motors turn the other way round. Call while they are off.
   void SetReversed(bool left, bool right) {
-    left_reversed_ = left;
-    right_reversed_ = right;
-    any_reversed_ = left || right;
+    left_inverted_ = left ? pins::kLeftForward : uint8_t(0);
+    right_inverted_ = right ? pins::kRightForward : uint8_t(0);
   }
 
   /// Set PWM in [-255, 255], positive forward. Call from the control tick.
   void Set(int16_t left, int16_t right) {
-    int16_t left_out = left, right_out = right;
-    if (any_reversed_) {  // one test in the usual case
-      if (left_reversed_) left_out = static_cast<int16_t>(-left);
-      if (right_reversed_) right_out = static_cast<int16_t>(-right);
-    }
-    if ((PORTD & pins::kLeftForward) != 0 ? left_out < 0 : left_out > 0) {
+    if (((PORTD ^ left_inverted_) & pins::kLeftForward) != 0 ? left < 0 : left > 0) {
       TCCR2A &= static_cast<uint8_t>(~(1 << COM2B1));
       PIND = kLeftDirection;  // writing 1 toggles
       left_rest_ = kRest;
     }
-    if ((PORTB & pins::kRightForward) != 0 ? right_out < 0 : right_out > 0) {
+    if (((PORTB ^ right_inverted_) & pins::kRightForward) != 0 ? right < 0 : right > 0) {
       TCCR2A &= static_cast<uint8_t>(~(1 << COM2A1));
       PINB = kRightDirection;
       right_rest_ = kRest;
     }
-    OCR2B = Duty(left_out);
-    OCR2A = Duty(right_out);
+    OCR2B = Duty(left);
+    OCR2A = Duty(right);
   }
 
   /// Write 0 to the PWM of a motor that rests until the next tick, so that telemetry and monitors see what is
@@ -123,7 +117,8 @@ class Drive {
   static constexpr bool kRestsWholeTick = fw::kTick_us <= (kRest - 1) * 1000UL;
 
   uint8_t left_rest_ = 0, right_rest_ = 0;
-  bool left_reversed_ = false, right_reversed_ = false, any_reversed_ = false;
+  // Inverts the direction pin of a reversed motor.
+  uint8_t left_inverted_ = 0, right_inverted_ = 0;
 };
 
 }  // namespace motors

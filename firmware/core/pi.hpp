@@ -22,7 +22,7 @@ static_assert(int64_t(kMaxKp) * INT16_MAX + kFeedForwardMax + kOutputMax + (1L <
               "proportional term, feed-forward and integral together must fit int32");
 
 /// Return an integral in PWM/64, rounded.
-constexpr int16_t IntegralInPwm64(int32_t integral) { return RoundShift16(integral * 8); }
+inline int16_t IntegralInPwm64(int32_t integral) { return RoundShift16(EightTimes(integral)); }
 static_assert(kOutputBits - 6 == 16 - 3 && int64_t(kOutputMax) * 8 <= INT32_MAX,
               "Q19 times 8 is Q6 times 2^16");
 
@@ -40,7 +40,8 @@ class PiController {
     const bool frozen = error_mrad_s > 0 ? before >= kOutputMax : before <= -kOutputMax;
     if (!frozen) integral_ = Limit(integral_ + Product(gains.ki, error_mrad_s), kOutputMax);
     const int32_t rounded = rest + integral_ + (int32_t(1) << (kOutputBits - 1));
-    const int16_t pwm = static_cast<int16_t>(static_cast<int16_t>(rounded >> 16) >> (kOutputBits - 16));
+    static_assert(kOutputBits - 16 == 3, "Eighth() takes the last three of these bits");
+    const int16_t pwm = Eighth(static_cast<int16_t>(rounded >> 16));
     return pwm > kMaxPwm ? kMaxPwm : pwm < -kMaxPwm ? -kMaxPwm : pwm;
   }
 

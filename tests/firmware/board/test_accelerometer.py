@@ -14,6 +14,7 @@ from thumper.board.messages import (
     Command,
     CommandRequest,
     Fault,
+    Identify,
     SetMotorPwm,
     SetParameter,
     State,
@@ -69,6 +70,23 @@ def test_a_robot_on_its_side_stops_after_300_ms(upside_down: bool) -> None:
     assert duties(chip) == [120, 120]
     drive(chip, 120, 0.2)
     assert duties(chip) == [0, 0]
+    assert fault(chip) == (State.FAULT, Fault.TILTED)
+
+
+def test_a_flood_of_requests_hardly_delays_the_tilt() -> None:
+    """The answers need twice the line's bytes: the main loop waits for it and misses every second reading."""
+    chip = driving(tilt_limit=HALF_G_V)
+    chip.set_attitude(roll_rad=math.radians(65.0))
+    start_s = chip.time_s
+    for millisecond in range(600):
+        if millisecond % 50 == 0:
+            send(chip, SetMotorPwm(left=120, right=120))
+        for _ in range(3):
+            send(chip, Identify())
+        run_for(chip, 1e-3)
+        if duties(chip) == [0, 0]:
+            break
+    assert 0.28 < chip.time_s - start_s < 0.55
     assert fault(chip) == (State.FAULT, Fault.TILTED)
 
 

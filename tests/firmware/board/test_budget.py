@@ -1,5 +1,7 @@
 """Cycle budgets of the flashed ELF on the emulated chip."""
 
+import itertools
+
 import pytest
 
 from tests.firmware.board.boot import ELF, compiler_of
@@ -23,7 +25,8 @@ EDGE_CYCLES = 75  # entry to RETI, including the response's 4
 TICK_CYCLES = {"5": 1500, "7": 1800}  # by gcc's version: both wheels, ramp, feed-forward and PI
 OFF_CYCLES = 150
 TWI_VECTOR = 24
-GYROSCOPE = next(spec.index for spec in PARAMETERS if spec.name == "gyroscope")
+INDEX = {spec.name: spec.index for spec in PARAMETERS}
+DIRECTIONS = [name for name in INDEX if name.endswith("_reversed")]
 
 
 def frame(message: Message) -> bytes:
@@ -37,7 +40,7 @@ def report(request: pytest.FixtureRequest) -> CProbeReport:
     chip.run(CPU_HZ // 5)
     if request.param == "gyroscope":
         chip.fit_gyroscope()
-        chip.send(frame(SetParameter(index=GYROSCOPE, value=1)))
+        chip.send(frame(SetParameter(index=INDEX["gyroscope"], value=1)))
         chip.run(chip.cycle + CPU_HZ // 2)
     with chip.probe() as probe:
         chip.send(frame(CommandRequest(command=Command.ARM)))
@@ -58,6 +61,25 @@ def test_an_edge_stays_within_its_cycles(report: CProbeReport, vector: int) -> N
 
 def test_the_control_tick_stays_within_its_cycles(report: CProbeReport) -> None:
     assert 0 < report.vector[TICK_VECTOR].most <= TICK_CYCLES[compiler_of(ELF)[0]]
+
+
+@pytest.mark.parametrize("reversed_", list(itertools.product((0, 1), repeat=len(DIRECTIONS))))
+def test_every_combination_of_directions_stays_within_the_tick_s_cycles(reversed_: tuple[int, ...]) -> None:
+    """Each motor turns round at its own times, so some ticks reverse one motor, some both."""
+    chip = InstrumentedChip(ELF, params=RobotParams.load(), seed=1)
+    chip.run(CPU_HZ // 5)
+    for name, value in zip(DIRECTIONS, reversed_, strict=True):
+        chip.send(frame(SetParameter(index=INDEX[name], value=value)))
+    chip.run(chip.cycle + CPU_HZ // 10)
+    with chip.probe() as probe:
+        for step in range(60):
+            chip.send(frame(CommandRequest(command=Command.CLEAR_FAULT)))
+            chip.send(frame(CommandRequest(command=Command.ARM)))
+            left, right = (speed if step // steps % 2 else -speed for speed, steps in ((8000, 10), (6000, 7)))
+            chip.send(frame(SetWheelSpeeds(left=left, right=right)))
+            probe.run(chip.cycle + CPU_HZ // 20)
+        most = probe.report().vector[TICK_VECTOR].most
+    assert 0 < most <= TICK_CYCLES[compiler_of(ELF)[0]]
 
 
 def test_interrupts_are_never_off_for_long(report: CProbeReport) -> None:
