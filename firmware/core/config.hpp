@@ -25,6 +25,8 @@ constexpr uint8_t kFaultWindow_ticks = 3 * kControlRate_Hz / 10;  // 300 ms
 
 constexpr uint16_t kCellNominal_mV = 3700;  // the feed-forward gains apply at this voltage
 constexpr uint16_t kCellHigh_mV = 4500;     // full: 4200
+// The T'REX allows 30 V, and its divider reads up to 30.5 V: seven cells at 4.5 V would be 31.5 V.
+constexpr uint16_t kBoardHigh_mV = 30000;
 constexpr uint8_t kLowBatteryBeeps = 5;
 
 }  // namespace fw

@@ -57,8 +57,9 @@ class Parameters {
   bool IsSet(Parameter parameter) const { return Get(parameter) != 0; }
 
   BatteryLimits battery_limits() const {
+    const uint16_t high_mV = OfCells(kCellHigh_mV);
     return {OfCells(Get(Parameter::kBatteryStop)), OfCells(Get(Parameter::kBatteryRearm)),
-            OfCells(kCellHigh_mV)};
+            high_mV < kBoardHigh_mV ? high_mV : kBoardHigh_mV};
   }
 
  private:

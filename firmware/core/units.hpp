@@ -49,6 +49,7 @@ constexpr uint16_t kBatteryQ16 =
 constexpr uint16_t BatteryFromSum_mV(uint16_t sum) {
   return static_cast<uint16_t>((uint32_t(sum) * kBatteryQ16) >> 16);
 }
+static_assert(BatteryFromSum_mV(1023U * kAdcSamples) > kBoardHigh_mV, "too high a voltage must be readable");
 
 /// Motor current [mA] from an ADC sum. scale: [mA / 512 per count]; zero: reading of no current, as one
 /// sample.

@@ -24,7 +24,11 @@ class Interrupt(IntEnum):
     LEFT_EDGE = 5
     TICK = 11
     MILLISECOND = 14
+    TONE_PULSE = 15
     RECEIVE = 18
+    SEND = 19
+    ANALOGUE = 21
+    I2C = 24
 
 
 class _Watched(ctypes.Structure):
@@ -44,6 +48,7 @@ class _Branch(ctypes.Structure):
         ("entry", (ctypes.c_uint8 * MEMORY) * TICKS),
         ("exit", (ctypes.c_uint8 * MEMORY) * TICKS),
         ("shortest_rest", ctypes.c_uint64 * 2),
+        ("longest_pulse", ctypes.c_uint64 * 2),
         ("byte_count", ctypes.c_uint32),
         ("bytes", ctypes.c_uint8 * BYTES),
     )
@@ -59,6 +64,7 @@ class Branch:
     entries: tuple[bytes, ...]  # the watched memory at the start of each control tick
     exits: tuple[bytes, ...]  # and at its end
     shortest_rest_s: tuple[float, float]  # left, right: from a change of direction to a driven pin
+    longest_pulse_s: tuple[float, float]  # left, right: PWM pin high while the timer does not drive it
     received: bytes
 
 
@@ -96,8 +102,10 @@ class SweptChip(InstrumentedChip):
 
         Each branch runs for `tail_s` more. `watch`: memory to record at the start and at the end of each
         control tick. For an edge, channel A of that encoder changes; for RECEIVE, an `identify` begins to
-        arrive. `per_address` above 0: only so often at each address of the program, for long windows; each
-        branch then records only what follows it, and its first tick is the last one before it.
+        arrive. SEND, ANALOGUE and I2C end early what their device is doing; instructions where it does
+        nothing are left out, as is TONE_PULSE without a tone. `per_address` above 0: only so often at each
+        address of the program, for long windows; each branch then records only what follows it and the frame
+        that is arriving, and its first tick is the last one before it.
 
         Raises
         ------
@@ -133,6 +141,7 @@ class SweptChip(InstrumentedChip):
 def _branch(raw: _Branch, entry_size: int, exit_size: int) -> Branch:
     ticks = min(raw.ticks, TICKS)
     rest = [cycles / CPU_HZ for cycles in raw.shortest_rest]
+    pulse = [cycles / CPU_HZ for cycles in raw.longest_pulse]
     return Branch(
         address=raw.address,
         cycle=raw.cycle,
@@ -140,5 +149,6 @@ def _branch(raw: _Branch, entry_size: int, exit_size: int) -> Branch:
         entries=tuple(bytes(raw.entry[i])[:entry_size] for i in range(ticks)),
         exits=tuple(bytes(raw.exit[i])[:exit_size] for i in range(ticks)),
         shortest_rest_s=(rest[0], rest[1]),
+        longest_pulse_s=(pulse[0], pulse[1]),
         received=bytes(raw.bytes)[: raw.byte_count],
     )

@@ -324,6 +324,19 @@ def test_a_battery_that_reads_too_high_stops_the_motors(core: ctypes.CDLL) -> No
     assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.BATTERY_HIGH
 
 
+@pytest.mark.parametrize("cells", range(1, 8))
+def test_too_high_a_voltage_is_noticed_with_any_pack(core: ctypes.CDLL, cells: int) -> None:
+    """Also with seven cells, whose 31.5 V the divider cannot read. A full pack is no fault."""
+    full_scale_mV = core.battery_from_sum(1023 * 32)
+    host = HostInterface(core, battery_mV=0)
+    host.set("battery_cells", cells)
+    core.host_battery(host.handle, 4200 * cells)
+    assert host.command(m.Command.ARM) is m.AckStatus.OK
+    for _ in range(100):
+        core.host_battery(host.handle, min(full_scale_mV, 4520 * cells))
+    assert host.status()[:2] == (m.State.FAULT, m.Fault.HIGH_BATTERY)
+
+
 def test_ticks_without_telemetry_are_counted(core: ctypes.CDLL) -> None:
     host = HostInterface(core)
     for dropped, total in ((0, 0), (3, 3), (200, 203), (255, 458)):

@@ -1,6 +1,6 @@
 """What must hold whichever instruction of the main loop an interrupt hits. On demand, everything:
 
-python -m tests.firmware.preemption.scenarios      every instruction of the main loop, every interrupt
+python -m tests.firmware.preemption.scenarios      every instruction of the windows
 """
 
 import sys
@@ -11,21 +11,29 @@ from tests.firmware.board.boot import ELF
 from tests.firmware.board.wire import run_for, send
 from thumper.board.framing import Frame, FrameDecoder
 from thumper.board.messages import (
+    PARAMETERS,
     Command,
     CommandRequest,
+    Fault,
+    GyroscopeState,
     Identity,
     SetMotorPwm,
+    SetParameter,
     SetWheelSpeeds,
     State,
     Telemetry,
 )
+from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.preemption import Branch, Interrupt, SweptChip, symbol
 from thumper_hil.chip.robot_params import RobotParams
 
 TICK_S = 0.1
 BEFORE_TICK_S, WINDOW_S = 2e-4, 0.8e-3
-"""The sweep begins when the chip sleeps, so before the tick's 0.1 ms."""
 SHORTEST_REST_S = 0.0099
+LONGEST_PULSE_S = 0.32e-3
+"""A tone's pulse ends at the next compare match B: 48 us, or 296 us after a forced start."""
+TIMSK0, OCIE0B = 0x6E, 1 << 2
+INDEX = {spec.name: spec.index for spec in PARAMETERS}
 OLD, NEW = (0x0102, 0x0304), (-0x0506, -0x0708)
 """Wheel speeds that share no byte."""
 
@@ -33,12 +41,15 @@ Scenario = Callable[[Path, Interrupt, int], list[str]]
 """(ELF, interrupt, stride) -> what went wrong, with the address; empty if nothing."""
 
 
-def driving(elf: Path, speed: int = 8000) -> SweptChip:
+def driving(elf: Path, speed: int = 8000, steps: int = 3, **parameters: int) -> SweptChip:
     """Return a robot that accelerates, so that every field of the samples changes each tick."""
     chip = SweptChip(elf, params=RobotParams.load(), seed=1)
+    chip.fit_gyroscope()
     run_for(chip, 0.305)
+    for name, value in parameters.items():
+        send(chip, SetParameter(index=INDEX[name], value=value))
     send(chip, CommandRequest(command=Command.ARM))
-    for _ in range(3):
+    for _ in range(steps):
         send(chip, SetWheelSpeeds(left=speed, right=-speed))
         run_for(chip, 0.09)
     return chip
@@ -162,11 +173,77 @@ def uncounted(branch: Branch, interrupt: Interrupt) -> Iterable[str]:
         yield f"count {counts} and {last.lost_edges} lost after one edge"
 
 
+def sensors_go_on(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
+    """With gyroscope and accelerometer, the next message is sound and tells of no fault."""
+    chip = driving(elf, 3000, steps=6, gyroscope=1, tilt_limit=1)
+    run_to_tick(chip, 8e-3)
+    send(chip, SetWheelSpeeds(left=3000, right=-3000))
+    run_for(chip, 1e-3)
+    chip.receive(chip.available)
+    samples = symbol(elf, "samples")
+    branches = chip.sweep(interrupt, seconds=6e-3, tail_s=12e-3, watch=(samples, samples), stride=stride)
+    failures = [f"{branch.address:#06x}: {text}" for branch in branches for text in disturbed(branch)]
+    return failures if branches else ["no instruction was swept"]
+
+
+def disturbed(branch: Branch) -> Iterable[str]:
+    """Yield what went wrong with telemetry, sensors or drive."""
+    told = [Telemetry.unpack(f.payload) for f in frames_of(branch) if f.message_id == Telemetry.ID]
+    if branch.crashed or len(told) != 1:
+        yield "crashed, or no telemetry after the tick"
+    if any(sample.gyroscope is GyroscopeState.MISSING for sample in told):
+        yield "the gyroscope is missing"
+    if any(sample.fault is not Fault.NONE for sample in told):
+        yield "a fault"
+
+
+def sounding(chip: SweptChip) -> bool:
+    """Return whether the motors sound."""
+    return bool(chip.data(TIMSK0) & OCIE0B)
+
+
+def nearly_empty(elf: Path) -> SweptChip:
+    """Return a robot at rest whose battery becomes low with the next reading, so that it beeps."""
+    chip = SweptChip(elf, params=RobotParams.load(), seed=1)
+    run_for(chip, 0.305)
+    send(chip, SetParameter(index=INDEX["battery_stop"], value=4000))
+    return chip
+
+
+def tone_leaves_the_motors_off(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
+    """Where a tone begins or ends: no pulse stays on, no motor gets the old duty before it has rested."""
+    failures: list[str] = []
+    command = symbol(elf, "command")
+    scout, chip = nearly_empty(elf), nearly_empty(elf)
+    for sounds, tail_s in ((True, 2e-3), (False, 14e-3)):
+        while sounding(scout) is not sounds:
+            run_for(scout, 20e-6)
+        chip.run(scout.cycle - round(40e-6 * CPU_HZ))
+        branches = chip.sweep(
+            interrupt, seconds=80e-6, tail_s=tail_s, watch=(command, command), stride=stride
+        )
+        failures += [f"{branch.address:#06x}: {text}" for branch in branches for text in too_loud(branch)]
+    return failures if branches else ["no instruction was swept"]
+
+
+def too_loud(branch: Branch) -> Iterable[str]:
+    """Yield how a tone drove a motor."""
+    pulse_s, rest_s = max(branch.longest_pulse_s), min(branch.shortest_rest_s)
+    if branch.crashed:
+        yield "crashed"
+    if pulse_s > LONGEST_PULSE_S:
+        yield f"a motor was on for {1e6 * pulse_s:.0f} us"
+    if rest_s < SHORTEST_REST_S - 1e-3:  # a forced millisecond has not really passed
+        yield f"a motor rested {1000 * rest_s:.2f} ms"
+
+
 SCENARIOS: dict[Scenario, tuple[Interrupt, ...]] = {
-    telemetry_is_whole: (Interrupt.TICK, Interrupt.MILLISECOND, Interrupt.RECEIVE),
+    telemetry_is_whole: (Interrupt.TICK, Interrupt.MILLISECOND, Interrupt.RECEIVE, Interrupt.SEND),
     command_is_whole: (Interrupt.TICK, Interrupt.MILLISECOND),
     reversal_rests: (Interrupt.TICK,),
     edges_are_counted: (Interrupt.LEFT_EDGE, Interrupt.RIGHT_EDGE),
+    sensors_go_on: (Interrupt.ANALOGUE, Interrupt.I2C),
+    tone_leaves_the_motors_off: (Interrupt.TONE_PULSE, Interrupt.MILLISECOND, Interrupt.TICK),
 }
 
 

@@ -3,6 +3,7 @@
 import shutil
 import subprocess
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -15,32 +16,70 @@ from tests.firmware.preemption.scenarios import (
     command_is_whole,
     edges_are_counted,
     reversal_rests,
+    sensors_go_on,
     telemetry_is_whole,
+    tone_leaves_the_motors_off,
 )
 from thumper_hil.chip.preemption import Interrupt
 
-STRIDE: dict[Scenario, int] = {telemetry_is_whole: 3, edges_are_counted: 12}
+STRIDE: dict[Scenario, int] = {
+    telemetry_is_whole: 3,
+    edges_are_counted: 12,
+    sensors_go_on: 10,
+    tone_leaves_the_motors_off: 4,
+}
 """Sweeping every instruction takes minutes; `python -m tests.firmware.preemption.scenarios` does."""
 
-GUARDS: dict[str, tuple[Scenario, str, str, str]] = {
-    "repeat of a copy that a tick interrupted": (
-        telemetry_is_whole,
-        "} while (ticks != 0);",
-        "} while (false);",
-        "telemetry mixes two ticks",
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """What to remove from a file of the firmware, and how a sweep then fails."""
+
+    scenario: Scenario
+    old: str
+    expected: str
+    new: str = ""
+    interrupt: Interrupt = Interrupt.TICK
+    file: str = "app/main.cpp"
+
+
+GUARDS: dict[str, Guard] = {
+    "repeat of a copy that a tick interrupted": Guard(
+        telemetry_is_whole, "} while (ticks != 0);", "telemetry mixes two ticks", "} while (false);"
     ),
-    "atomic command": (
+    "atomic command": Guard(
         command_is_whole,
         "ATOMIC_BLOCK(ATOMIC_FORCEON) {  // only these three stores",
-        "{  //",
         "the tick obeys",
+        "{  //",
     ),
-    "hold of the tick": (reversal_rests, "tick::Hold();", "", "motor rested"),
-    "count of dropped telemetry": (
+    "hold of the tick": Guard(reversal_rests, "tick::Hold();", "motor rested"),
+    "count of dropped telemetry": Guard(
         telemetry_is_whole,
         "host.CountDropped(static_cast<uint8_t>(Collect(host.samples()) - 1));",
-        "Collect(host.samples());",
         "counted as dropped",
+        "Collect(host.samples());",
+    ),
+    "atomic switch of the tone": Guard(
+        tone_leaves_the_motors_off,
+        "ATOMIC_BLOCK(ATOMIC_FORCEON) {",
+        "motor rested",
+        "{",
+        Interrupt.MILLISECOND,
+        "board/beeper.hpp",
+    ),
+    "register that the I2C interrupt saves": Guard(
+        sensors_go_on, '"pop r24\\n\\t"', "", '"pop r0\\n\\t"', Interrupt.I2C, "board/mpu6050.hpp"
+    ),
+    "register that the analogue interrupt leaves alone": Guard(
+        sensors_go_on,
+        "adc.ConvertAxis();",
+        "",
+        'adc.ConvertAxis(); __asm__ volatile("ldi r28, 85");',
+        Interrupt.ANALOGUE,
+    ),
+    "end of the tone's pulse": Guard(
+        tone_leaves_the_motors_off, "beeper.End();", "a motor was on", interrupt=Interrupt.TONE_PULSE
     ),
 }
 
@@ -61,16 +100,16 @@ def test_an_interrupt_anywhere_tears_nothing(scenario: Scenario, interrupt: Inte
     assert failures_of(scenario, ELF, interrupt, stride) == []
 
 
-@pytest.mark.parametrize("guard", GUARDS)
-def test_the_sweep_finds_a_missing_guard(guard: str, tmp_path: Path) -> None:
-    scenario, old, new, expected = GUARDS[guard]
+@pytest.mark.parametrize("name", GUARDS)
+def test_the_sweep_finds_a_missing_guard(name: str, tmp_path: Path) -> None:
+    guard = GUARDS[name]
     firmware = tmp_path / "firmware"
     shutil.copytree(ROOT / "firmware", firmware, ignore=shutil.ignore_patterns("build"))
-    main = firmware / "app" / "main.cpp"
-    text = main.read_text(encoding="utf-8")
-    assert text.count(old) == 1
-    main.write_text(text.replace(old, new), encoding="utf-8")
+    source = firmware / guard.file
+    text = source.read_text(encoding="utf-8")
+    assert text.count(guard.old) == 1
+    source.write_text(text.replace(guard.old, guard.new), encoding="utf-8")
     subprocess.run(["make", "-s", "-C", str(firmware)], check=True, capture_output=True)
     elf = firmware / "build" / "thumper.elf"
-    failures = failures_of(scenario, elf, Interrupt.TICK, STRIDE.get(scenario, 1))
-    assert any(expected in failure for failure in failures), failures
+    failures = failures_of(guard.scenario, elf, guard.interrupt, STRIDE.get(guard.scenario, 1))
+    assert any(guard.expected in failure for failure in failures), failures

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 #include "input_pin.hpp"
@@ -13,8 +14,10 @@ namespace thumper {
 namespace {
 
 constexpr int kTickVector = 11, kReceiveVector = 18, kPinChange0 = 3, kPinChange2 = 5;
+constexpr int kTonePulseVector = 15, kSendVector = 19, kAnalogueVector = 21, kTwoWireVector = 24;
 constexpr uint16_t kPort[2] = {reg::kPortD, reg::kPortB};
 constexpr int kDirectionBit = 2;       // of both ports on the T'REX
+constexpr int kPwmBit = 3;             // likewise
 constexpr int kOutputBit[2] = {5, 7};  // in TCCR2A
 
 }  // namespace
@@ -77,18 +80,72 @@ void PreemptionSweep::Track() {
       shortest = std::min<uint64_t>(shortest, avr_->cycle - turned_[side]);
     forward_[side] = forward;
     driven_[side] = driven;
+    const bool high = !driven && (avr_->data[kPort[side]] >> kPwmBit & 1) != 0;
+    uint64_t& since = high_since_[side];
+    if (high && since == 0) since = avr_->cycle;
+    if (high) now_.longest_pulse[side] = std::max<uint64_t>(now_.longest_pulse[side], avr_->cycle - since);
+    if (!high) since = 0;
   }
 }
 
-/// Begin a new record with the last tick's samples.
+/// Begin a new record with the last tick's samples and the frame that is arriving.
 void PreemptionSweep::Forget() {
-  uint8_t bytes[Branch::kBytes];
-  uint64_t cycles[Branch::kBytes];
-  while (chip_.uart().Receive(bytes, cycles, Branch::kBytes) > 0) {
+  uint64_t cycle;
+  uint8_t byte;
+  now_.byte_count = 0;
+  while (chip_.uart().Receive(&byte, &cycle, 1) > 0) {
+    if (byte == 0) {
+      now_.byte_count = 0;
+    } else if (now_.byte_count < Branch::kBytes) {
+      now_.bytes[now_.byte_count++] = byte;
+    }
   }
   now_.ticks = 1;
   std::memcpy(now_.entry[0], avr_->data + watched_.at_entry, watched_.entry_size);
   std::memcpy(now_.exit[0], avr_->data + watched_.at_exit, watched_.exit_size);
+}
+
+/// Return whose cycle timers end what this interrupt reports; none for the other interrupts.
+std::vector<void*> PreemptionSweep::OwnersOf(int vector) const {
+  switch (vector) {
+    case kSendVector:
+      return {FindPeripheral<avr_uart_t>(avr_, "uart")};
+    case kAnalogueVector:
+      return {FindPeripheral<avr_adc_t>(avr_, "adc"), chip_.adc()};
+    case kTwoWireVector:
+      return {&chip_.twi()};
+    default:
+      return {};
+  }
+}
+
+/// Return whether this interrupt can occur now.
+bool PreemptionSweep::CanForce(int vector) const {
+  const std::vector<void*> owners = OwnersOf(vector);
+  if (owners.empty() && vector != kTonePulseVector) return true;
+  bool enabled = false;
+  for (int i = 0; i < avr_->interrupts.vector_count; ++i) {
+    const avr_int_vector_t* candidate = avr_->interrupts.vector[i];
+    if (candidate->vector == vector) enabled = avr_regbit_get(avr_, candidate->enable) != 0;
+  }
+  if (!enabled || owners.empty()) return enabled;
+  if (vector == kSendVector && static_cast<avr_uart_t*>(owners[0])->tx_cnt == 0) return false;
+  for (auto* slot = avr_->cycle_timers.timer; slot != nullptr; slot = slot->next)
+    if (std::find(owners.begin(), owners.end(), slot->param) != owners.end()) return true;
+  return false;
+}
+
+/// Let the byte or conversion that is under way end now.
+void PreemptionSweep::EndEarly(int vector) {
+  const std::vector<void*> owners = OwnersOf(vector);
+  std::vector<std::pair<avr_cycle_timer_t, void*>> timers;
+  for (auto* slot = avr_->cycle_timers.timer; slot != nullptr; slot = slot->next)
+    if (std::find(owners.begin(), owners.end(), slot->param) != owners.end())
+      timers.emplace_back(slot->timer, slot->param);
+  for (const auto& [timer, owner] : timers) {
+    avr_cycle_timer_cancel(avr_, timer, owner);
+    avr_cycle_timer_register(avr_, 1, timer, owner);
+  }
 }
 
 void PreemptionSweep::Force(int vector, char port, int bit, const uint8_t* frame, std::size_t frame_size) {
@@ -98,6 +155,8 @@ void PreemptionSweep::Force(int vector, char port, int bit, const uint8_t* frame
   } else if (vector == kReceiveVector) {
     chip_.uart().Arrive(frame[0]);
     chip_.uart().Send(frame + 1, frame_size - 1);
+  } else if (!OwnersOf(vector).empty()) {
+    EndEarly(vector);
   } else {
     for (int i = 0; i < avr_->interrupts.vector_count; ++i)
       if (avr_->interrupts.vector[i]->vector == vector) avr_raise_interrupt(avr_, avr_->interrupts.vector[i]);
@@ -112,7 +171,7 @@ int PreemptionSweep::Run(uint64_t until_cycle, int vector, char port, int bit, c
   if (memory == MAP_FAILED) return -1;
   Branch* const shared = static_cast<Branch*>(memory);
   const avr_cycle_count_t limit = avr_->run_cycle_limit;
-  while (avr_->state != cpu_Sleeping && Step()) {  // begin in no interrupt
+  while (avr_->interrupts.running_ptr != 0 && Step()) {  // begin in no interrupt
   }
   depth_ = 0;
   std::size_t count = 0;
@@ -122,7 +181,7 @@ int PreemptionSweep::Run(uint64_t until_cycle, int vector, char port, int bit, c
     const bool in_main_loop = depth_ == 0 && avr_->state == cpu_Running;
     const bool line_is_free = vector != kReceiveVector || chip_.uart().idle();
     const bool wanted = per_address == 0 || (line_is_free && visits[avr_->pc] < per_address);
-    if (in_main_loop && wanted && instruction++ % stride == 0) {
+    if (in_main_loop && wanted && CanForce(vector) && instruction++ % stride == 0) {
       ++visits[avr_->pc];
       *shared = {};
       shared->crashed = 1;  // unless the branch ends normally
@@ -137,7 +196,8 @@ int PreemptionSweep::Run(uint64_t until_cycle, int vector, char port, int bit, c
         bool alive = true;
         while (alive && avr_->cycle < end) alive = Step();
         uint64_t cycles[Branch::kBytes];
-        now_.byte_count = static_cast<uint32_t>(chip_.uart().Receive(now_.bytes, cycles, Branch::kBytes));
+        now_.byte_count += static_cast<uint32_t>(chip_.uart().Receive(now_.bytes + now_.byte_count, cycles,
+                                                                      Branch::kBytes - now_.byte_count));
         now_.crashed = alive ? 0 : 1;
         *shared = now_;
         _exit(0);

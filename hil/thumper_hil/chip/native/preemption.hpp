@@ -1,4 +1,6 @@
 #pragma once
+#include <vector>
+
 #include "chip.hpp"
 
 namespace thumper {
@@ -18,6 +20,7 @@ struct Branch {
   uint8_t entry[kTicks][kMemory];  // memory when they started
   uint8_t exit[kTicks][kMemory];   // and when they ended
   uint64_t shortest_rest[2];       // [cycles] left, right: from a change of direction to a driven pin
+  uint64_t longest_pulse[2];       // [cycles] left, right: PWM pin high while the timer does not drive it
   uint32_t byte_count;             // bytes that have arrived from the chip
   uint8_t bytes[kBytes];
 };
@@ -33,8 +36,10 @@ class PreemptionSweep {
 
   /// Sweep until a cycle, at every `stride`-th instruction; each branch runs on for `tail_cycles`. `vector`:
   /// the interrupt; for a pin-change vector the pin `port`, `bit` toggles, for the receive vector `frame`
-  /// arrives. per_address > 0: only that often at each address, and each branch records only what follows;
-  /// its first tick is then the last one before it. Return the number of branches, at most `capacity`, or -1
+  /// arrives. Serial port, converter and two-wire interface end early what they are doing, so only
+  /// instructions count while they do. per_address > 0: only that often at each address, and each branch
+  /// records only what follows and the frame that is arriving; its first tick is then the last one before it.
+  /// Return the number of branches, at most `capacity`, or -1
   /// if the system is out of processes.
   int Run(uint64_t until_cycle, int vector, char port, int bit, const uint8_t* frame, std::size_t frame_size,
           uint64_t tail_cycles, int stride, int per_address, Branch* branches, std::size_t capacity);
@@ -43,6 +48,9 @@ class PreemptionSweep {
   static void OnRunning(avr_irq_t* irq, uint32_t running, void* self);
   bool Step();
   void Forget();
+  bool CanForce(int vector) const;
+  std::vector<void*> OwnersOf(int vector) const;
+  void EndEarly(int vector);
   void Force(int vector, char port, int bit, const uint8_t* frame, std::size_t frame_size);
   void Track();
 
@@ -52,7 +60,7 @@ class PreemptionSweep {
   Branch now_{};
   int depth_ = 0;  // interrupts that run
   bool forward_[2], driven_[2];
-  uint64_t turned_[2] = {0, 0};
+  uint64_t turned_[2] = {0, 0}, high_since_[2] = {0, 0};
 };
 
 }  // namespace thumper
