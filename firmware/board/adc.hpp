@@ -72,8 +72,8 @@ class Adc {
     ADCSRA = kOn | 1 << ADSC;
   }
 
-  /// Return new readings of the accelerometer's axes, 8 bits of 5 V; false if there are none. If the main loop
-  /// is late, some may be 3 ms newer than others.
+  /// Return new readings of the accelerometer's axes, 8 bits of 5 V; false if there are none. If the main
+  /// loop is late, some may be 3 ms newer than others.
   bool TakeAxes(uint8_t (*axes)[3]) {
     if (!axes_complete_ || !axes_used_) return false;
     axes_complete_ = false;

@@ -14,7 +14,8 @@ constexpr uint8_t kOutputs = 1 << COM2A1 | 1 << COM2B1;
 constexpr uint8_t kLeftDirection = pins::kLeftForward ^ pins::kLeftReverse;
 constexpr uint8_t kRightDirection = pins::kRightForward ^ pins::kRightReverse;
 
-/// Set the PWM frequency: the nearest lower one of the timer's six. Call while the motors are off.
+/// Set the PWM frequency: the nearest lower one of 122, 245, 490, 980, 3922 and 31 373 Hz. Call while the
+/// motors are off.
 inline void SetFrequency(int16_t frequency_Hz) {
   TCCR2B = frequency_Hz >= 31373  ? 1
            : frequency_Hz >= 3922 ? 2

@@ -196,8 +196,8 @@ int PreemptionSweep::Run(uint64_t until_cycle, int vector, char port, int bit, c
         bool alive = true;
         while (alive && avr_->cycle < end) alive = Step();
         uint64_t cycles[Branch::kBytes];
-        now_.byte_count += static_cast<uint32_t>(chip_.uart().Receive(now_.bytes + now_.byte_count, cycles,
-                                                                      Branch::kBytes - now_.byte_count));
+        now_.byte_count += static_cast<uint32_t>(
+            chip_.uart().Receive(now_.bytes + now_.byte_count, cycles, Branch::kBytes - now_.byte_count));
         now_.crashed = alive ? 0 : 1;
         *shared = now_;
         _exit(0);
