@@ -49,7 +49,7 @@ def program(firmware: Path, target: Path, optimize: str = "-O2") -> Path:
 @pytest.mark.parametrize("domain", DOMAINS)
 def test_every_case_agrees_with_the_model(domain: str) -> None:
     arguments, cases = DOMAINS[domain]
-    command = [program(FIRMWARE, BUILD / "enumerate"), *arguments.split()]
+    command = [str(program(FIRMWARE, BUILD / "enumerate")), *arguments.split()]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (result.returncode, result.stdout) == (0, f"{cases}\n")
 
