@@ -10,6 +10,7 @@ from typing import TypeVar
 from thumper.board.board import Board
 from thumper.board.gyroscope import check_gyroscope
 from thumper.board.messages import GyroscopeState, Identity
+from thumper.board.parameters import parameter_named
 from thumper.camera.tag_tracker import TagTracker
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
@@ -329,12 +330,26 @@ def _report_motors_off() -> Iterator[None]:
         raise KeyboardInterrupt(str(interrupt) or "the motors are off") from None
 
 
-def geometry_of(drive: Drive, identity: Identity) -> Drive:
-    """Return the geometry with the board's encoder and wheels where the configuration has the defaults.
+EFFECTIVE_TRACKS = 0.9, 2.5
+"""Least and largest effective track, in distances between the wheels: 1.5 here, 1 without slip."""
 
-    Refuses a contradiction: the board converts counts to speeds, which would be wrong.
+
+def geometry_of(drive: Drive, identity: Identity) -> Drive:
+    """Return the geometry, the board's where the configuration has the defaults.
+
+    Refuses a contradiction: the board converts counts to speeds, which would be wrong. The track of the
+    configuration is the effective one, which slip makes up to twice that of the board.
     """
     default = DriveGeometry()
+    if drive.track_m == default.track_m and identity.track_mm != parameter_named("track").default:
+        drive = replace(drive, track_m=identity.track_mm / 1000.0)
+    least, most = EFFECTIVE_TRACKS
+    if not least <= drive.track_m / (identity.track_mm / 1000.0) <= most:
+        raise ThumperError(
+            f"the board is set to a track of {identity.track_mm} mm, the configuration says "
+            f"{1000.0 * drive.track_m:.0f} mm: correct [drive], or set track on the board",
+            exit_code=EXIT_USAGE,
+        )
     if drive.counts_per_rev == default.counts_per_rev:
         drive = replace(drive, counts_per_rev=identity.counts_per_rev)
     if drive.wheel_radius_m == default.wheel_radius_m:

@@ -32,6 +32,16 @@ def test_defaults_follow_the_board() -> None:
     assert found == DriveGeometry(wheel_radius_m=0.033, counts_per_rev=1920, track_m=0.2)
 
 
+def test_the_track_follows_the_board() -> None:
+    assert geometry_of(DriveGeometry(), BOARD).track_m == 0.16
+
+
+@pytest.mark.parametrize("track_m", [0.14, 0.41])
+def test_a_track_that_slip_cannot_explain_is_refused(track_m: float) -> None:
+    with pytest.raises(ThumperError, match="the board is set to a track of 160 mm, the configuration says"):
+        geometry_of(DriveGeometry(track_m=track_m), BOARD)
+
+
 def test_a_calibrated_radius_stays() -> None:
     assert geometry_of(DriveGeometry(wheel_radius_m=0.0328), BOARD).wheel_radius_m == 0.0328
 
@@ -43,5 +53,5 @@ def test_a_contradiction_is_refused(drive: DriveGeometry) -> None:
 
 
 def test_the_default_robot_keeps_its_defaults() -> None:
-    board = replace(BOARD, counts_per_rev=1200, wheel_radius_mm=62)
+    board = replace(BOARD, counts_per_rev=1200, wheel_radius_mm=62, track_mm=245)
     assert geometry_of(DriveGeometry(), board) == DriveGeometry()

@@ -1,0 +1,88 @@
+"""Left and right exchanged: which commands show it. The image's pins are exchanged instead of the wires."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests.firmware.board.boot import ROOT
+from tests.firmware.board.wire import frames, run_for, send
+from thumper.board.messages import (
+    Command,
+    CommandRequest,
+    Fault,
+    Message,
+    SetMotorPwm,
+    SetWheelSpeeds,
+    State,
+    Telemetry,
+)
+from thumper_hil.chip.instrumented_chip import InstrumentedChip
+from thumper_hil.chip.robot_params import RobotParams
+
+LEFT, RIGHT = "left_encoder.count()", "right_encoder.count()"
+EXCHANGED: dict[str, tuple[tuple[str, str], ...]] = {
+    "motors": (
+        (
+            "drive.Set(samples.left.wheel.pwm, samples.right.wheel.pwm)",
+            "drive.Set(samples.right.wheel.pwm, samples.left.wheel.pwm)",
+        ),
+    ),
+    "encoders": ((LEFT, "OTHER"), (RIGHT, LEFT), ("OTHER", RIGHT)),
+}
+WITHIN_S = 0.3 + 0.2  # two control ticks: the first PWM, and the telemetry
+
+
+@pytest.fixture(scope="module", params=EXCHANGED)
+def elf(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the image of a robot whose motors or encoders are exchanged."""
+    firmware = tmp_path_factory.mktemp(request.param) / "firmware"
+    shutil.copytree(ROOT / "firmware", firmware, ignore=shutil.ignore_patterns("build"))
+    source = firmware / "app" / "main.cpp"
+    text = source.read_text(encoding="utf-8")
+    for old, new in EXCHANGED[request.param]:
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    source.write_text(text, encoding="utf-8")
+    subprocess.run(["make", "-s", "-C", str(firmware)], check=True, capture_output=True)
+    return firmware / "build" / "thumper.elf"
+
+
+def first_fault(elf: Path, command: Message, seconds: float) -> tuple[Fault, float]:
+    """Return the first fault while this command is repeated, and its time [s] after the first one."""
+    chip = InstrumentedChip(elf, params=RobotParams.load(), seed=1)
+    run_for(chip, 0.3)
+    send(chip, CommandRequest(command=Command.ARM))
+    run_for(chip, 0.05)
+    start_s = chip.time_s
+    while chip.time_s < start_s + seconds:
+        send(chip, command)
+        run_for(chip, 0.02)
+        for frame in frames(chip):
+            if frame.message_id == Telemetry.ID and Telemetry.unpack(frame.payload).state is State.FAULT:
+                return Telemetry.unpack(frame.payload).fault, chip.time_s - start_s
+    return Fault.NONE, seconds
+
+
+@pytest.mark.parametrize("pwm", [(130, -130), (-200, 200)])
+def test_a_turn_in_place_ends_in_a_named_fault_within_300_ms_of_pwm(elf: Path, pwm: tuple[int, int]) -> None:
+    fault, after_s = first_fault(elf, SetMotorPwm(left=pwm[0], right=pwm[1]), 1.0)
+    assert fault in {Fault.REVERSED_LEFT, Fault.REVERSED_RIGHT}
+    assert after_s <= WITHIN_S
+
+
+@pytest.mark.parametrize("speeds", [(2000, -2000), (4000, 0), (6000, 3000)])
+def test_turns_and_arcs_in_closed_loop_end_in_a_fault(elf: Path, speeds: tuple[int, int]) -> None:
+    fault, _ = first_fault(elf, SetWheelSpeeds(left=speeds[0], right=speeds[1]), 5.0)
+    assert fault in {Fault.REVERSED_LEFT, Fault.REVERSED_RIGHT, Fault.STALL_LEFT, Fault.STALL_RIGHT}
+
+
+@pytest.mark.parametrize(
+    "command",
+    [SetWheelSpeeds(left=4000, right=4000), SetMotorPwm(left=130, right=130), SetMotorPwm(left=130, right=0)],
+)
+def test_nothing_shows_it_straight_ahead_or_with_one_motor(elf: Path, command: Message) -> None:
+    """A known limit. Straight ahead both sides get the same; one motor drags the other wheel along, which
+    then counts as commanded. `thumper doctor --spin`, with the wheels in the air, names it (test_robot.py)."""
+    assert first_fault(elf, command, 2.0)[0] is Fault.NONE
