@@ -84,5 +84,5 @@ def test_turns_and_arcs_in_closed_loop_end_in_a_fault(elf: Path, speeds: tuple[i
 )
 def test_nothing_shows_it_straight_ahead_or_with_one_motor(elf: Path, command: Message) -> None:
     """A known limit. Straight ahead both sides get the same; one motor drags the other wheel along, which
-    then counts as commanded. `thumper doctor --spin`, with the wheels in the air, names it (test_robot.py)."""
+    then counts as commanded. `thumper doctor --spin`, with the wheels in the air, names it."""
     assert first_fault(elf, command, 2.0)[0] is Fault.NONE
