@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
-from thumper.navigation.planners.polyline import winding_numbers
 
 
 class RouteChanges(NamedTuple):
@@ -47,3 +46,15 @@ def count_route_changes(plans: Iterable[FloatArray], obstacles_m: FloatArray) ->
 def _is_rest_of(plan_m: FloatArray, whole_m: FloatArray) -> bool:
     """Return whether a plan is the last part of another."""
     return len(plan_m) <= len(whole_m) and np.array_equal(plan_m, whole_m[-len(plan_m) :])
+
+
+def winding_numbers(loop: FloatArray, points: FloatArray) -> NDArray[np.int64]:
+    """Return how often a closed polyline, shape (n, 2), winds round each point, shape (k, 2)."""
+    after = np.roll(loop, -1, axis=0)
+    x, y = points[:, :1], points[:, 1:]
+    upward = (loop[:, 1] <= y) & (after[:, 1] > y)
+    downward = (loop[:, 1] > y) & (after[:, 1] <= y)
+    step = after - loop
+    left = step[:, 0] * (y - loop[:, 1]) - step[:, 1] * (x - loop[:, 0])
+    counts: NDArray[np.int64] = (upward & (left > 0.0)).sum(1) - (downward & (left < 0.0)).sum(1)
+    return counts

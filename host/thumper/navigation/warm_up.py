@@ -14,6 +14,7 @@ from thumper.navigation.navigator import Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, find_frontiers
 from thumper.navigation.planners.goal_validation import footprint_fits
+from thumper.navigation.planners.homotopy import is_same_side
 from thumper.navigation.planners.lattice import LatticePlanner
 from thumper.navigation.safety.collision_monitor import CollisionMonitor
 from thumper.navigation.safety.escape import Escape
@@ -41,9 +42,10 @@ def warm_up(options: NavigationOptions | None = None, footprint: Footprint | Non
 def _warm_up_planning(
     options: NavigationOptions, footprint: Footprint, grid: OccupancyGrid, costmap: Costmap
 ) -> None:
-    """Plan poses through a tight passage, look for room at a goal and for frontiers."""
+    """Plan poses through a tight passage, compare paths, look for room at a goal and for frontiers."""
     goal = Goal(x_m=1.0, y_m=0.0)
     LatticePlanner(options.lattice, options.traversal, footprint).poses(costmap, Pose2(), goal)
+    is_same_side(np.zeros((2, 2)), np.ones((2, 2)), costmap)
     part = part_of(costmap, *square_around(costmap, 0.0, 0.0, 1.0))
     for known in (costmap, part, replace(part, costs=part.costs.copy())):  # three memory layouts
         footprint_fits(known, footprint, goal)

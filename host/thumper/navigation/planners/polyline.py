@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.numba_kernel import kernel
@@ -124,15 +123,3 @@ def ahead(path_m: FloatArray, map_from_base: Pose2, distance_m: float) -> FloatA
     """
     rest_m = path_m[nearest_vertex(path_m, map_from_base.x_m, map_from_base.y_m) :]
     return np.ascontiguousarray(rest_m[: index_at(rest_m, distance_m) + 1])
-
-
-def winding_numbers(loop: FloatArray, points: FloatArray) -> NDArray[np.int64]:
-    """Return how often a closed polyline, shape (n, 2), winds round each point, shape (k, 2)."""
-    after = np.roll(loop, -1, axis=0)
-    x, y = points[:, :1], points[:, 1:]
-    upward = (loop[:, 1] <= y) & (after[:, 1] > y)
-    downward = (loop[:, 1] > y) & (after[:, 1] <= y)
-    step = after - loop
-    left = step[:, 0] * (y - loop[:, 1]) - step[:, 1] * (x - loop[:, 0])
-    counts: NDArray[np.int64] = (upward & (left > 0.0)).sum(1) - (downward & (left < 0.0)).sum(1)
-    return counts

@@ -15,8 +15,9 @@ from thumper.navigation.costmap.inflation import INSCRIBED, MOST_INFLATED
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import is_blocked, is_off
+from thumper.navigation.planners.homotopy import is_same_side
 from thumper.navigation.planners.planner import Planner, PlanResult
-from thumper.navigation.planners.polyline import arc_lengths, nearest_vertex, project_onto, winding_numbers
+from thumper.navigation.planners.polyline import arc_lengths, nearest_vertex, project_onto
 
 TINY_M, TINY_S = 1e-9, 1e-6
 BLOCKED_PERIOD_S = 0.3  # least time between two plans while the path is blocked
@@ -206,23 +207,11 @@ class PathManager:
             return is_cheaper
         if math.isinf(old_cost):  # blocked, perhaps only by noise: no time to compare
             return False
-        if is_cheaper and _is_same_side(new_m, joined_m, costmap):
+        if is_cheaper and is_same_side(new_m, joined_m, costmap):
             return True
         is_cheaper = is_cheaper and self._can_turn_to(new_m, costmap, base)
         self._cheaper_count = self._cheaper_count + 1 if is_cheaper else 0
         return self._cheaper_count >= CHEAPER_SEARCHES
-
-
-def _is_same_side(new_m: FloatArray, old_m: FloatArray, costmap: Costmap) -> bool:
-    """Return whether two paths, shape (n, 2), pass all obstacles on the same sides (homotopy class)."""
-    loop_m = np.vstack((old_m, new_m[::-1]))
-    (low_row, high_row), (low_col, high_col) = (
-        (max(0, cells.min()), cells.max() + 1) for cells in costmap.cells_of(loop_m)
-    )
-    rows, cols = np.nonzero(costmap.squared_cells[low_row:high_row, low_col:high_col] == 0)
-    corner_m = np.array((costmap.origin_x_m, costmap.origin_y_m))
-    cells = np.column_stack((cols + low_col, rows + low_row)) + HALF_CELL
-    return not winding_numbers(loop_m, corner_m + cells * costmap.resolution_m).any()
 
 
 def _pruned(path_m: FloatArray, map_from_base: Pose2) -> FloatArray:
