@@ -30,7 +30,7 @@ def map_with(*obstacles: tuple[int, int]) -> Costmap:
 def test_each_cell_between_two_random_paths_counts(on_cells: bool) -> None:
     """The paths cross themselves and each other, and leave the map."""
     rng = np.random.default_rng(1)
-    middles = np.stack(np.meshgrid(np.arange(COLS), np.arange(ROWS)), axis=-1).reshape(-1, 2) + 0.5
+    middles = np.argwhere(np.ones((ROWS, COLS)))[:, ::-1].astype(np.float64) + 0.5
     for _ in range(60):
         loop = rng.uniform((-3.0, -3.0), (COLS + 3.0, ROWS + 3.0), (rng.integers(2, 14), 2))
         if on_cells:
