@@ -73,6 +73,34 @@ def test_a_cancelled_approach_is_not_tried_again() -> None:
         assert -0.5 < place(service).x_m < -0.4
 
 
+def test_cancelled_while_looking_it_does_not_approach() -> None:
+    with robot("cancelled-look") as service:
+        before = place(service)
+        service.put(RobotCommand(name="dock"))
+        service.run_cycles(3)
+        service.put(RobotCommand(name="cancel"))
+        service.until(lambda: said(service, "not docked: cancelled"), max_cycles=5)
+        service.run_cycles(30)
+        assert service.mode == "idle"
+        assert place(service).distance_m(before) < 0.01
+
+
+def test_nothing_of_a_replaced_motion_goes_on() -> None:
+    with robot("replaced-undock") as service:
+        service.put(RobotCommand(name="undock"))
+        service.run_cycles(20)
+        assert service.bench.truth()[-1, 4] < -0.5  # it reverses
+        service.put(RobotCommand(name="dock"))
+        service.run_cycles(4)  # it looks for the tag
+        assert abs(service.bench.truth()[-1, 4]) < 0.1
+        service.put(RobotCommand(name="undock"))
+        service.run_cycles(20)
+        service.ask("mission/send", {"x_m": START.x_m, "y_m": START.y_m, "tolerance_m": 0.1})
+        service.until(lambda: service.mode == "holding", max_cycles=300)
+        service.run_cycles(20)
+        assert abs(service.bench.truth()[-1, 4]) < 0.1
+
+
 def test_without_the_camera_the_robot_stops() -> None:
     with robot("blind-dock", retries=0) as service:
         service.put(RobotCommand(name="dock"))
@@ -81,6 +109,15 @@ def test_without_the_camera_the_robot_stops() -> None:
         service.until(lambda: said(service, "not docked: lost sight of the dock's tag"), max_cycles=20)
         service.until(lambda: service.mode == "idle", max_cycles=20)
         assert place(service).x_m < -0.3
+
+
+def test_a_robot_that_no_longer_sees_its_dock_gives_up() -> None:
+    with robot("vanished-dock", retries=2, staging_m=0.4) as service:
+        service.put(RobotCommand(name="dock"))
+        service.until(lambda: place(service).x_m > -0.3, max_cycles=600)
+        service.bench.fault("camera", "unplugged")
+        service.until(lambda: said(service, "not docked: "), max_cycles=1500)
+        assert said(service, "not docked: the dock's tag is not in view; tried 3 times"), service.events
 
 
 def test_without_a_charger_at_the_contacts_it_is_not_docked() -> None:

@@ -52,6 +52,8 @@ class TagTracker:
             grey = frame.grey()
         except ValueError:  # damaged
             return
+        if grey.shape != (self._camera.height_px, self._camera.width_px):  # a device that changed its mode
+            return
         found = [tag for tag in find_tags(grey) if tag.number == self._tag]
         if len(found) != 1:  # two tags of one number: which is the dock?
             return

@@ -27,6 +27,7 @@ from thumper.runtime.state_estimator import RobotState
 FRAMES, LOOK_CYCLES = 8, 40  # to see before the approach and after it, and how long to wait for them
 STAGING_TOLERANCE_M, STAGING_TOLERANCE_RAD = 0.05, 0.1
 DOCKED_M, DOCKED_RAD = 0.008, 0.012
+NOT_IN_VIEW = "the dock's tag is not in view"
 NO_DOCK = "the tag is not in view, and the map has no place {place!r}: save it with the robot at the dock"
 AT_DOCK_M = 0.3  # nearer than this the robot has no room to turn
 CHARGER_S = 5.0
@@ -44,11 +45,13 @@ class Docking:
     monitor: CollisionMonitor
     newest_frames: Callable[[], list[CameraFrame]]
     annotations: Callable[[], Annotations] = field(default=Annotations)
+    _known: Pose2 | None = field(default=None, init=False)  # map_from_docked, by the tag
 
     def dock(self) -> Task:
         """Dock, with retries; the reason of the result says how exactly, or why not."""
+        self._known = None
         result = yield from self._look()
-        if result.interrupted:
+        if not result.reached:
             return result
         if self._docked() is None:
             return replace(result, reached=False, reason=NO_DOCK.format(place=self.options.place))
@@ -89,35 +92,42 @@ class Docking:
     def _approach(self) -> Step:
         """Approach once. A result with `navigation_failed` is worth another try."""
         result = yield from self._look()
+        if not result.reached:  # cancelled, or the robot failed
+            return replace(result, navigation_failed=False)
         if not self.tracker.count:
-            return replace(
-                result, reached=False, navigation_failed=True, reason="the dock's tag is not in view"
-            )
+            return replace(result, reached=False, navigation_failed=True, reason=NOT_IN_VIEW)
         before_V = self._battery_V()
         watched, ended = _watched(self._motion())
         result = (yield Move(motion=watched, name="docking")).after(result)
         if not result.reached:
             return replace(result, navigation_failed=bool(ended) and not result.interrupted)
-        result = (yield from self._look()).after(result)
+        return (yield from self._check(before_V)).after(result)
+
+    def _check(self, before_V: float) -> Step:
+        """Look where the robot has stopped, and whether the charger is on."""
+        result = yield from self._look()
+        if not result.reached:
+            return replace(result, navigation_failed=False)
         at = self._docked_from_base()
-        if result.interrupted or at is None:
-            return replace(result, reached=False)
+        if at is None:
+            return replace(result, reached=False, reason=NOT_IN_VIEW)
         errors = f"{1e3 * at.x_m:+.0f} mm along, {1e3 * at.y_m:+.0f} mm beside"
         errors += f", {math.degrees(at.theta_rad):+.1f} degrees"
         if math.hypot(at.x_m, at.y_m) > DOCKED_M or abs(at.theta_rad) > DOCKED_RAD:
             return replace(result, reached=False, navigation_failed=True, reason=f"beside the dock: {errors}")
         if self.options.charger_V:
             charged = self._charger_is_on(before_V)
-            result = (yield Wait(duration_s=CHARGER_S, until=charged, name="checking the charger")).after(
-                result
-            )
-            if result.interrupted or not charged():
+            waited = yield Wait(duration_s=CHARGER_S, until=charged, name="checking the charger")
+            result = waited.after(result)
+            if result.reached and not charged():
                 reason = f"no charger at the contacts; {errors}"
                 return replace(result, reached=False, navigation_failed=True, reason=reason)
-        return replace(result, reached=True, reason=f"docked: {errors}")
+        return replace(result, reason=f"docked: {errors}") if result.reached else result
 
     def _back_off(self) -> Step:
-        motion = drive_on_heading(-self.options.staging_m, self.limits, self._state().map_from_base)
+        # At the speed of the approach: a lidar may not see what is behind.
+        limits = replace(self.limits, v_max_m_s=min(self.limits.v_max_m_s, self.options.speed_m_s))
+        motion = drive_on_heading(-self.options.staging_m, limits, self._state().map_from_base)
         return (yield Move(motion=before_obstacles(motion, self.monitor), name="undocking"))
 
     def _look(self) -> Step:
@@ -152,13 +162,12 @@ class Docking:
                 self.tracker.add(frame, odom_from_base)
 
     def _docked(self) -> Pose2 | None:
-        """Return map_from_docked by the saved place, else by the tag."""
+        """Return map_from_docked by the saved place, else by the tag, as it is now or was last seen."""
         if (saved := self._saved_place()) is not None:
             return saved
-        tag = self.tracker.odom_from_tag
-        if tag is None:
-            return None
-        return self.inputs.estimator.map_from_odom @ tag @ self.options.tag_from_docked
+        if (tag := self.tracker.odom_from_tag) is not None:
+            self._known = self.inputs.estimator.map_from_odom @ tag @ self.options.tag_from_docked
+        return self._known
 
     def _saved_place(self) -> Pose2 | None:
         for place in self.annotations().places:

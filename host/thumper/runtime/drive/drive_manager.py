@@ -101,6 +101,7 @@ class DriveManager:
         if self.mode not in (DriveMode.DRIVING, DriveMode.HOLDING):
             self._arm(telemetry, clear_fault=clear_fault)
         self.navigator.set_goal(goal)
+        self._cruise = Twist2()  # of a motion that this goal replaces
         self.outcome, self.is_waiting = None, False
         self.goal, self.source = goal, source
         self.mode, self.reason = DriveMode.DRIVING, ""

@@ -42,6 +42,7 @@ class LegRun:
         self._first_s: float | None = None  # time after the first cycle
         self._anchor: RobotState | None = None  # since when the robot has stayed in one place
         self._cycles = 0
+        self._motors_on = False  # at the start of a wait
         self._stops_before = drive_manager.stops
 
     @property
@@ -96,6 +97,9 @@ class LegRun:
                 manager.cruise(self.leg.twist)
             case Move():
                 manager.arm(self._inputs.telemetry)
+                manager.cruise(Twist2())  # until the motion's first command
+            case Wait():
+                self._motors_on = manager.mode is DriveMode.HOLDING
         self._begun = start
 
     def outcome(self) -> DriveOutcome | None:
@@ -110,11 +114,16 @@ class LegRun:
             case Move():
                 return self._follow(self.leg)
             case Wait():
-                self._cycles += 1
-                if self._drive_manager.stops > self._stops_before:
-                    return DriveOutcome(reached=False, reason=self._drive_manager.reason, by_user=True)
-                is_over = self.leg.until() or self._cycles >= self.leg.max_cycles
-                return DONE if is_over or self._elapsed_s() >= self.leg.duration_s else None
+                return self._waited(self.leg)
+
+    def _waited(self, leg: Wait) -> DriveOutcome | None:
+        manager = self._drive_manager
+        self._cycles += 1
+        by_user = manager.stops > self._stops_before
+        if by_user or (self._motors_on and manager.mode is DriveMode.IDLE):  # by a fault
+            return DriveOutcome(reached=False, reason=manager.reason or "cancelled", by_user=by_user)
+        is_over = leg.until() or self._cycles >= leg.max_cycles
+        return DONE if is_over or self._elapsed_s() >= leg.duration_s else None
 
     def _follow(self, leg: Move) -> DriveOutcome | None:
         """Pass on the next command of a motion, or return how it ended."""

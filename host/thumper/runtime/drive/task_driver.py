@@ -5,10 +5,10 @@ from contextlib import suppress
 from thumper.common.errors import ThumperError
 from thumper.navigation.navigator import NavigationOutput
 from thumper.runtime.drive.display import Display, NoDisplay
-from thumper.runtime.drive.drive_manager import DriveManager, DriveOutcome
+from thumper.runtime.drive.drive_manager import DriveManager, DriveMode, DriveOutcome
 from thumper.runtime.drive.goal_limits import GoalLimits
 from thumper.runtime.drive.leg_run import DONE, LegRun
-from thumper.runtime.drive.legs import AnyLeg
+from thumper.runtime.drive.legs import AnyLeg, Wait
 from thumper.runtime.drive.running_task import RunningTask
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.sensor_inputs import SensorInputs
@@ -32,6 +32,8 @@ class TaskDriver:
     def begin_at_once(self, task: Task, source: str) -> None:
         """Start the first leg of a client's task, which replaces the present one.
 
+        If the task first waits, the robot stops: nothing may go on with the motion that was replaced.
+
         Raises
         ------
         ThumperError
@@ -39,6 +41,8 @@ class TaskDriver:
         """
         running = RunningTask(task, source)
         assert running.leg is not None  # each task has a leg
+        if isinstance(running.leg, Wait) and self._drive_manager.mode is not DriveMode.IDLE:
+            self._drive_manager.stop("replaced by another task")
         leg = self._leg_run(running.leg)
         leg.start(source)
         if self.task is not None:

@@ -63,6 +63,9 @@ class DockStarter:
         except ThumperError as refusal:
             self._end(f"not {done}: {refusal}", WARN)
             raise
+        except Exception as error:  # the motors must not stay on
+            self._end(f"not {done}: internal error: {type(error).__name__}: {error}", WARN)
+            raise
         text = result.reason if result.reason.startswith(done) else f"{done}: {result.reason}"
         if not result.reached:
             text = f"not {done}: {result.reason}"
