@@ -268,7 +268,7 @@ fw::HostInterface ChargedHost() {
 constexpr std::size_t kMaxBody = 64;
 using Decoder = fw::FrameDecoder<kMaxBody - 4>;
 
-/// CRC-16/MCRF4XX, bit by bit.
+/// CRC-16/MCRF4XX, bit for bit.
 uint16_t SlowCrc(const uint8_t* data, std::size_t size) {
   uint16_t crc = 0xFFFF;
   for (std::size_t bit = 0; bit < 8 * size; ++bit) {

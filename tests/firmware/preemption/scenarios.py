@@ -174,7 +174,7 @@ def uncounted(branch: Branch, interrupt: Interrupt) -> Iterable[str]:
 
 
 def sensors_go_on(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
-    """With gyroscope and accelerometer, the next message is sound and tells of no fault."""
+    """With gyroscope and accelerometer, the next message is sound and says of no fault."""
     chip = driving(elf, 3000, steps=6, gyroscope=1, tilt_limit=1)
     run_to_tick(chip, 8e-3)
     send(chip, SetWheelSpeeds(left=3000, right=-3000))

@@ -32,7 +32,7 @@ class TaskDriver:
     def begin_at_once(self, task: Task, source: str) -> None:
         """Start the first leg of a client's task, which replaces the present one.
 
-        If the task first waits, the robot stops: nothing may go on with the motion that was replaced.
+        If the task first waits, the robot stops: nothing may continue the motion that was replaced.
 
         Raises
         ------
