@@ -1,14 +1,21 @@
 """The parts of the first run's guide, without a browser."""
 
 import asyncio
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import ClassVar
 
 import pytest
+from benchmarks.shared.live import until
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.robot import load_config
+from thumper.dashboard.guide import guide as guide_module
 from thumper.dashboard.guide.command import StepCommand
 from thumper.dashboard.guide.guide import Guide, Step, judge_check
 from thumper.dashboard.guide.robot_file import SIMULATED, Ports, write_robot_file
@@ -125,3 +132,81 @@ def test_only_manual_driving_counts() -> None:
     assert watch.manual_m == pytest.approx(0.2)
     watch.restart()
     assert watch.manual_m == 0.0
+
+
+def test_a_run_that_ends_while_it_tunes_frees_the_guide() -> None:
+    guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
+    guide.begin(Step.TUNE)
+    guide.busy = Step.TUNE
+    guide._run = SimpleNamespace(is_running=False, last_line="the board is gone")  # type: ignore[assignment]
+    asyncio.run(guide._follow())
+    assert [guide.step, guide.busy] == [Step.START, None]
+    assert guide.outcomes[Step.START].text == "the robot has stopped: the board is gone"
+
+
+class Simulator(StepCommand):
+    """A simulator that hangs before its ports are there."""
+
+    running: ClassVar[set[StepCommand]] = set()
+
+    async def run_in_background(self, end_timeout_s: float) -> int:
+        self.running.add(self)
+        await asyncio.sleep(600.0)
+        return 0
+
+    async def stop(self, timeout_s: float = 0.0) -> None:
+        self.running.discard(self)
+
+
+def test_a_simulator_that_does_not_start_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(guide_module, "StepCommand", Simulator)
+    monkeypatch.setattr(guide_module, "SIMULATOR_TIMEOUT_S", 0.3)
+    guide = Guide("127.0.0.1:1", config=tmp_path / "robot.toml", ports=SIMULATED)
+    asyncio.run(guide.choose_robot("", SIMULATED))
+    assert guide.busy is None
+    assert guide.outcomes[Step.ROBOT].text.startswith("thumper sim was not ready in 0.3 s")
+    assert not Simulator.running
+
+
+def test_one_simulator_runs_also_if_the_guide_ends_before_it_is_ready(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(guide_module, "StepCommand", Simulator)
+    guide = Guide("127.0.0.1:1", config=tmp_path / "robot.toml", ports=SIMULATED)
+
+    async def run() -> None:
+        for _ in range(2):
+            guide.begin(Step.ROBOT)
+            choice = asyncio.create_task(guide.choose_robot("", SIMULATED))
+            while not Simulator.running:
+                await asyncio.sleep(0.01)
+            (Path(guide._terminals.name) / "lidar").touch()
+            await choice
+            assert len(Simulator.running) == 1
+            (Path(guide._terminals.name) / "lidar").unlink()
+        guide.begin(Step.ROBOT)
+        choice = asyncio.create_task(guide.choose_robot("", SIMULATED))
+        await asyncio.sleep(0.1)
+        await guide.close()
+        assert not Simulator.running
+        choice.cancel()
+
+    asyncio.run(run())
+
+
+PARENT = """
+import asyncio, sys
+from thumper.dashboard.guide.command import StepCommand
+
+asyncio.run(StepCommand(*sys.argv[1:]).run_in_background(30.0))
+"""
+
+
+def test_a_command_in_the_background_ends_with_the_guide(tmp_path: Path) -> None:
+    board, lidar = tmp_path / "board", tmp_path / "lidar"
+    ports = ("--board-pty", str(board), "--lidar-pty", str(lidar))
+    parent = subprocess.Popen([sys.executable, "-c", PARENT, "sim", *ports, "--bare", "--floor", "stand"])
+    until(lidar.exists)
+    os.kill(parent.pid, signal.SIGKILL)  # no chance to clean up
+    parent.wait()
+    until(lambda: not lidar.is_symlink())

@@ -91,6 +91,14 @@ def test_a_rotated_map_is_saved_with_zones_places_and_session(client: Client, fo
     assert {name: (folder / name).read_bytes() for name in before} == before
 
 
+@pytest.mark.parametrize("suffix", [".pgm", ".session", ".geojson"])
+def test_no_file_without_its_map_is_overwritten(client: Client, folder: Path, suffix: str) -> None:
+    left = folder / f"attic{suffix}"
+    left.write_text("mine")
+    assert post(client, {"edits": [], "save_as": "attic"}).status_code == 422
+    assert left.read_text() == "mine"
+
+
 @pytest.mark.parametrize(
     "content",
     [

@@ -145,6 +145,7 @@ def test_a_map_is_saved_under_a_name_and_loaded_again(
     service.ask("mission/send", {"x_m": FAR.x_m, "y_m": FAR.y_m})
     service.run_cycles(5)
     assert "stationary" in service.ask("library/load", {"name": "flat"})["error"]
+    assert "stationary" in service.ask("library/delete", {"name": "flat"})["error"]
     service.put(RobotCommand(name="cancel"))
     service.until(lambda: service.mode == "idle")
     before = robot.map_and_pose()[1]

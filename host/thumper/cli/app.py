@@ -32,6 +32,7 @@ from thumper.cli.status import status, watch
 from thumper.cli.teleop import teleop
 from thumper.common.errors import ThumperError
 from thumper.common.optional_packages import extra_providing, missing_package
+from thumper.common.parent import end_with_parent
 from thumper.common.signals import STOP_SIGNALS
 from thumper.common.version import __version__
 
@@ -156,6 +157,7 @@ def main() -> None:
         for number in STOP_SIGNALS:  # all act as Ctrl-C: motors first
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, signal.default_int_handler)
+        end_with_parent()
         app()
     except ThumperError as error:
         _exit_with(error)

@@ -19,7 +19,7 @@ from thumper.dashboard.page_messages import Metres, Name
 from thumper.dashboard.rate_limit import RateLimit
 from thumper.maps import edit
 from thumper.maps.annotations import Annotations, annotations_path, load_annotations
-from thumper.maps.library import map_path
+from thumper.maps.library import map_files, map_path
 from thumper.maps.map_server_io import load_rotated_map
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.slam.edited_map import save_edited_map
@@ -117,7 +117,7 @@ def _answer(path: Path, folder: Path, wanted: MapEdits) -> bytes:
     result = edited(path, wanted.edits)
     if wanted.save_as is not None:
         out = map_path(folder, wanted.save_as)
-        if any(out.with_suffix(suffix).exists() for suffix in (".yaml", ".pgm")):
+        if map_files(out):
             raise ThumperError(f"there is a map {wanted.save_as!r} already: choose another name")
         save_edited_map(path, out, result.grid, result.annotations, rotation_rad=result.rotation_rad)
     values = {"map": grid_info(result.grid), "annotations": result.annotations.to_geojson()}

@@ -2,7 +2,6 @@
 
 import errno
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thumper.common.errors import ThumperError
+from thumper.common.parent import parent_environment
 from thumper.config.dashboard import ServerOptions, check_options
 
 
@@ -52,7 +52,6 @@ if TYPE_CHECKING:
 END_TIMEOUT_S = 3.0
 MIN_RESTART_S, MAX_RESTART_S = 1.0, 30.0  # before a page that has ended starts again
 STABLE_S = 60.0  # a page that ran this long starts again without further delay
-PARENT_VARIABLE = "THUMPER_PAGE_PARENT"  # set: standard input is a pipe from the robot's process
 
 
 GUIDED_V_MAX_M_S = 0.4  # with turbo; half of it without
@@ -61,11 +60,10 @@ GUIDED_V_MAX_M_S = 0.4  # with turbo; half of it without
 def run_dashboard(
     settings: "RobotConfig", options: ServerOptions, robot_address: str, *, guide: "Guide | None" = None
 ) -> None:
-    """Serve until Ctrl-C, or until the process ends that started this one beside a robot.
+    """Serve until Ctrl-C, or until its parent ends (`end_with_parent`).
 
     `guide` is the state of the page `/setup`, which guides through the first run.
     """
-    end_with_parent()
     listener = bind_port(options)  # before the slow imports, to report a port in use at once
     from thumper.bus.client import BusClient
     from thumper.dashboard.page import PageOptions
@@ -123,7 +121,7 @@ class PageProcess:
         return subprocess.Popen(
             self._command,
             stdin=subprocess.PIPE,
-            env=os.environ | {PARENT_VARIABLE: "1"},
+            env=os.environ | parent_environment(END_TIMEOUT_S),
             start_new_session=True,  # Ctrl-C goes to the robot first
         )
 
@@ -143,21 +141,6 @@ class PageProcess:
                 return
             delay_s = min(2.0 * delay_s, MAX_RESTART_S)
             self._process = self._start()
-
-
-def end_with_parent() -> None:
-    """End this process when the one that started it as `PageProcess` ends."""
-    if not os.environ.pop(PARENT_VARIABLE, ""):
-        return
-
-    def wait() -> None:
-        while os.read(sys.stdin.fileno(), 4096):
-            pass
-        os.kill(os.getpid(), signal.SIGTERM)
-        time.sleep(END_TIMEOUT_S)
-        os._exit(1)
-
-    threading.Thread(target=wait, name="parent", daemon=True).start()
 
 
 def _print_line(text: str) -> None:

@@ -7,6 +7,8 @@ import sys
 from collections import deque
 from contextlib import suppress
 
+from thumper.common.parent import parent_environment
+
 MAX_LINES = 200
 END_TIMEOUT_S = 5.0  # the motors stop by themselves long before, if a command does not end
 ENVIRONMENT = {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "COLUMNS": "1000"}  # one line stays one line
@@ -33,17 +35,24 @@ class StepCommand:
 
     async def run(self, answer: str = "") -> int:
         """Run it to its end; return its exit status. `answer` is what the user would type."""
+        return await self._run(answer, {})
+
+    async def run_in_background(self, end_timeout_s: float) -> int:
+        """Do so with no answer; if this process dies, the command has `end_timeout_s` to end."""
+        return await self._run(None, parent_environment(end_timeout_s))
+
+    async def _run(self, answer: str | None, environment: dict[str, str]) -> int:
         self._process = process = await asyncio.create_subprocess_exec(
             *(sys.executable, "-m", "thumper", *self.arguments),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.STDOUT,
-            env=os.environ | ENVIRONMENT,
+            env=os.environ | ENVIRONMENT | environment,
             start_new_session=True,  # Ctrl-C in the terminal reaches it once, through `stop`
         )
         if self.is_interrupted:
             self.interrupt()
-        if process.stdin is not None:
+        if process.stdin is not None and answer is not None:
             process.stdin.write(answer.encode())
             process.stdin.close()
         if process.stdout is not None:
@@ -70,3 +79,4 @@ class StepCommand:
         except TimeoutError:
             with suppress(ProcessLookupError):
                 self._process.kill()
+            await self._process.wait()

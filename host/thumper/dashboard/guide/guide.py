@@ -5,6 +5,7 @@ Each step runs the `thumper` command of its name, or watches what the page makes
 
 import asyncio
 import tempfile
+import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -22,6 +23,8 @@ from thumper.ros.services import NamedMap
 
 WATCH_PERIOD_S = 0.25
 SAVE_TIMEOUT_S = 30.0  # of a robot that saves its map at the end
+START_TIMEOUT_S = 300.0  # of `thumper run`, which compiles at its first start
+SIMULATOR_TIMEOUT_S = 120.0
 FIRST_DRIVE_M = 0.3
 TURNED = "motor forward"  # in the lines of the wheel check
 
@@ -123,6 +126,7 @@ class Guide:
         """Write the configuration, or use the given one; start the bare board of a simulated robot."""
 
         async def choose() -> str:
+            await self._end_simulator()  # of an earlier choice
             if self.config is None or self.ports is None:
                 self.config, self.ports = write_robot_file(Path(), name, ports), ports
             if self.ports.simulated:
@@ -174,11 +178,7 @@ class Guide:
             await self._end_run()
             bus = ("--bus", self._bus_address)
             self._run = run = StepCommand("run", "--config", str(self.config), *bus, "--fresh")
-            task = self._in_background(run)
-            while self.watch.status is None:
-                if task.done():
-                    raise ThumperError(run.last_line or "thumper run has ended")
-                await asyncio.sleep(WATCH_PERIOD_S)
+            await self._until_ready(run, lambda: self.watch.status is not None, START_TIMEOUT_S)
             return f"thumper run --config {self.config}"
 
         await self._do(start)
@@ -217,7 +217,9 @@ class Guide:
         self._terminals.cleanup()
 
     async def _follow(self) -> None:
-        if self._run is not None and not self._run.is_running and self.busy is None and self._is_driving:
+        is_free = self.busy in (None, Step.TUNE)  # tuning ends with the robot
+        if self._run is not None and not self._run.is_running and is_free and self._is_driving:
+            self.busy = None
             self.begin(Step.START)
             self._set("fail", f"the robot has stopped: {self._run.last_line}")
         elif self.step is Step.TUNE:
@@ -292,19 +294,29 @@ class Guide:
         folder = Path(self._terminals.name)
         board, lidar = folder / "board", folder / "lidar"
         ports = ("--board-pty", str(board), "--lidar-pty", str(lidar))
-        command = StepCommand("sim", *ports, "--bare", "--floor", "stand")
-        task = self._in_background(command)
-        while not lidar.exists():
-            if task.done():
-                raise ThumperError(command.last_line)
-            await asyncio.sleep(WATCH_PERIOD_S)
-        self._simulator = command
+        self._simulator = command = StepCommand("sim", *ports, "--bare", "--floor", "stand")
+        try:
+            await self._until_ready(command, lidar.exists, SIMULATOR_TIMEOUT_S)
+        except ThumperError:
+            self._simulator = None
+            raise
 
-    def _in_background(self, command: StepCommand) -> "asyncio.Task[int]":
-        task = asyncio.create_task(command.run())
+    async def _until_ready(
+        self, command: StepCommand, is_ready: Callable[[], bool], timeout_s: float
+    ) -> None:
+        """Run a command in the background until it is ready; raise ThumperError if it ends or hangs."""
+        name = f"thumper {command.arguments[0]}"
+        task = asyncio.create_task(command.run_in_background(SAVE_TIMEOUT_S))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-        return task
+        end_s = time.monotonic() + timeout_s
+        while not is_ready():
+            if task.done():
+                raise ThumperError(command.last_line or f"{name} has ended")
+            if time.monotonic() > end_s:
+                await command.stop(SAVE_TIMEOUT_S)
+                raise ThumperError(f"{name} was not ready in {timeout_s:g} s: {command.last_line}")
+            await asyncio.sleep(WATCH_PERIOD_S)
 
     async def _end_simulator(self) -> None:
         if self._simulator is not None:

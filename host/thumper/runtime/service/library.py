@@ -5,7 +5,7 @@ from pathlib import Path
 
 from thumper.common.errors import ThumperError
 from thumper.maps.annotations import annotations_path, load_annotations
-from thumper.maps.library import delete_item, list_maps, list_recordings, map_path, rename_item
+from thumper.maps.library import delete_item, list_maps, list_recordings, map_files, map_path, rename_item
 from thumper.maps.map_server_io import load_map
 from thumper.ros.services import Empty, LibraryContent, LibraryItem, NamedMap, RenameItem, Text
 from thumper.runtime.publisher import Publisher
@@ -52,7 +52,7 @@ class MapLibrary:
         path = map_path(self._folder, request.name)
         if self._saver is None:
             raise ThumperError("this run saves its map at its end; `thumper run` without a goal serves maps")
-        if path.exists():
+        if map_files(path):
             raise ThumperError(f"there is a map {request.name!r} already: choose another name")
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -84,6 +84,7 @@ class MapLibrary:
 
     def delete(self, request: LibraryItem, _source: str = "") -> Text:
         """Delete a map or recording; raise ThumperError if that is impossible."""
+        self._preconditions.require_stationary("delete files")  # a large recording delays the control cycle
         self._require_closed(request.name)
         delete_item(self._folder, request.name)
         return self._say(f"deleted {request.name}")
