@@ -185,7 +185,9 @@ int main() {
     // At most 64 bytes per pass, so that a host that never pauses cannot starve time-out and watchdog.
     uint8_t byte = 0;
     for (uint8_t left = 64; left != 0 && uart.Get(&byte); --left) {
-      if (host.Receive(byte, uart)) Apply(host);
+      if (!host.Receive(byte, uart)) continue;
+      if (host.supervisor().armed() && host.TakeChange()) Configure(host);  // before a tick may drive
+      Apply(host);
     }
     host.StepStore(eeprom, uart);
     if (gyroscope->due()) gyroscope->Step(host.stationary());

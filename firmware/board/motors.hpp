@@ -113,7 +113,7 @@ class Drive {
   // Counts calls of AfterMillisecond(), not milliseconds: if the main loop is late, its milliseconds include
   // time before the rest. All of the first call's time, and most of the second's, may lie before it.
   static constexpr uint8_t kRest = 12;
-  static_assert((kRest - 2) * (F_CPU / 1000) >= 510 * 256UL, "the rest must last at least one PWM period");
+  static_assert((kRest - 3) * (F_CPU / 1000) >= 510 * 256UL, "the rest must last at least one PWM period");
 
   static constexpr bool kRestsWholeTick = fw::kTick_us <= (kRest - 1) * 1000UL;
 

@@ -36,7 +36,9 @@ __attribute__((always_inline)) inline int16_t SpeedFromCounts(const SpeedScale& 
   if (static_cast<uint16_t>(counts + scale.max_counts) > static_cast<uint16_t>(scale.max_counts * 2)) {
     used = counts < 0 ? static_cast<int16_t>(-scale.max_counts) : scale.max_counts;
   }
-  return static_cast<int16_t>(used * scale.whole + RoundShift16(Product(used, scale.fraction)));
+  // Unsigned: the first product alone may exceed int16, and the chip's int has 16 bits.
+  const unsigned whole = static_cast<unsigned>(used) * static_cast<unsigned>(scale.whole);
+  return static_cast<int16_t>(whole + static_cast<unsigned>(RoundShift16(Product(used, scale.fraction))));
 }
 
 // ADC sums: 32 samples of 10 bits, round robin over three channels, 1 ms apart. Together 96 ms, many PWM

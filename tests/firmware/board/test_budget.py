@@ -5,15 +5,20 @@ import itertools
 import pytest
 
 from tests.firmware.board.boot import ELF, compiler_of
+from tests.firmware.board.wire import frames
 from thumper.board.framing import encode_frame
 from thumper.board.messages import (
     PARAMETERS,
+    Ack,
+    AckStatus,
     Command,
     CommandRequest,
     GetParameter,
     Message,
     SetParameter,
     SetWheelSpeeds,
+    State,
+    Telemetry,
 )
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.instrumented_chip import TICK_VECTOR, InstrumentedChip
@@ -71,6 +76,10 @@ def test_every_combination_of_directions_stays_within_the_tick_s_cycles(reversed
     for name, value in zip(DIRECTIONS, reversed_, strict=True):
         chip.send(frame(SetParameter(index=INDEX[name], value=value)))
     chip.run(chip.cycle + CPU_HZ // 10)
+    assert [Ack.unpack(f.payload).status for f in frames(chip) if f.message_id == Ack.ID] == [
+        AckStatus.OK
+    ] * 4
+    seen: list[Telemetry] = []
     with chip.probe() as probe:
         for step in range(60):
             chip.send(frame(CommandRequest(command=Command.CLEAR_FAULT)))
@@ -78,7 +87,13 @@ def test_every_combination_of_directions_stays_within_the_tick_s_cycles(reversed
             left, right = (speed if step // steps % 2 else -speed for speed, steps in ((8000, 10), (6000, 7)))
             chip.send(frame(SetWheelSpeeds(left=left, right=right)))
             probe.run(chip.cycle + CPU_HZ // 20)
+            seen += [Telemetry.unpack(f.payload) for f in frames(chip) if f.message_id == Telemetry.ID]
         most = probe.report().vector[TICK_VECTOR].most
+    assert any(sample.state is State.CLOSED_LOOP for sample in seen)
+    assert max(abs(sample.left_pwm) for sample in seen) > 50
+    assert max(abs(sample.right_pwm) for sample in seen) > 50
+    assert max(abs(sample.left_count) for sample in seen) > 100
+    assert max(abs(sample.right_count) for sample in seen) > 100
     assert 0 < most <= TICK_CYCLES[compiler_of(ELF)[0]]
 
 

@@ -32,6 +32,7 @@ EXCHANGED: dict[str, tuple[tuple[str, str], ...]] = {
     "encoders": ((LEFT, "OTHER"), (RIGHT, LEFT), ("OTHER", RIGHT)),
 }
 WITHIN_S = 0.3 + 0.2  # two control ticks: the first PWM, and the telemetry
+AT_SPEED_S = 1.3 + 0.1  # measured: 0.56 to 1.26 s (docs/porting.md); a control tick of margin
 
 
 @pytest.fixture(scope="module", params=EXCHANGED)
@@ -73,9 +74,10 @@ def test_a_turn_in_place_ends_in_a_named_fault_within_300_ms_of_pwm(elf: Path, p
 
 
 @pytest.mark.parametrize("speeds", [(2000, -2000), (4000, 0), (6000, 3000)])
-def test_turns_and_arcs_in_closed_loop_end_in_a_fault(elf: Path, speeds: tuple[int, int]) -> None:
-    fault, _ = first_fault(elf, SetWheelSpeeds(left=speeds[0], right=speeds[1]), 5.0)
-    assert fault in {Fault.REVERSED_LEFT, Fault.REVERSED_RIGHT, Fault.STALL_LEFT, Fault.STALL_RIGHT}
+def test_turns_and_arcs_in_closed_loop_end_in_a_named_fault(elf: Path, speeds: tuple[int, int]) -> None:
+    fault, after_s = first_fault(elf, SetWheelSpeeds(left=speeds[0], right=speeds[1]), 2.0)
+    assert fault in {Fault.REVERSED_LEFT, Fault.REVERSED_RIGHT}
+    assert after_s <= AT_SPEED_S
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -212,9 +213,8 @@ def without(removal: Removal, text: str) -> str:
     return text.replace(removal.old, removal.new)
 
 
-def is_noticed(hazard: str) -> bool:
-    """Return whether the test fails in a copy of the repository without the guard."""
-    removal = HAZARDS[hazard]
+def outcome(removal: Removal | None, test: tuple[str, ...]) -> int:
+    """Return pytest's exit code in a copy of the repository without the guard (None: unchanged)."""
     listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True)
     with tempfile.TemporaryDirectory() as name:
         copy = Path(name)
@@ -222,8 +222,9 @@ def is_noticed(hazard: str) -> bool:
             (copy / file).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / file, copy / file, follow_symlinks=False)
         shutil.copytree(ROOT / CHIP_LIBRARY, copy / CHIP_LIBRARY)
-        path = copy / "firmware" / removal.file
-        path.write_text(without(removal, path.read_text(encoding="utf-8")), encoding="utf-8")
+        if removal:
+            path = copy / "firmware" / removal.file
+            path.write_text(without(removal, path.read_text(encoding="utf-8")), encoding="utf-8")
         for board in ("trex", "nano"):
             subprocess.run(
                 ["make", "-s", "-C", copy / "firmware", f"BOARD={board}"], check=True, capture_output=True
@@ -231,9 +232,22 @@ def is_noticed(hazard: str) -> bool:
         folders = [str(copy / folder) for folder in ("host", "hil", "tuning", "")]
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(folders)}
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:xdist", "-p", "no:cacheprovider"]
-        command += chosen_test(hazard)
-        done = subprocess.run(command, env=environment, cwd=copy, capture_output=True, check=False)
-        return done.returncode == 1
+        done = subprocess.run([*command, *test], env=environment, cwd=copy, capture_output=True, check=False)
+        return done.returncode
+
+
+@cache
+def require_pass_unchanged(test: tuple[str, ...]) -> None:
+    """Raise SystemExit if the test fails in an unchanged copy: then its failure shows nothing."""
+    if code := outcome(None, test):
+        raise SystemExit(f"{' '.join(test)} fails in an unchanged copy (pytest: {code}); fix that first")
+
+
+def is_noticed(hazard: str) -> bool:
+    """Return whether the test fails in a copy without the guard; it must pass in an unchanged one."""
+    test = tuple(chosen_test(hazard))
+    require_pass_unchanged(test)
+    return outcome(HAZARDS[hazard], test) == 1
 
 
 def main() -> int:

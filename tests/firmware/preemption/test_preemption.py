@@ -78,6 +78,13 @@ GUARDS: dict[str, Guard] = {
         'adc.ConvertAxis(); __asm__ volatile("ldi r28, 85");',
         Interrupt.ANALOGUE,
     ),
+    "bytes that the millisecond interrupt leaves to the main loop": Guard(
+        command_is_whole,
+        "  adc.Step();",
+        "the tick obeys",
+        "  adc.Step(); uint8_t byte; uart.Get(&byte);",
+        Interrupt.MILLISECOND,
+    ),
     "end of the tone's pulse": Guard(
         tone_leaves_the_motors_off, "beeper.End();", "a motor was on", interrupt=Interrupt.TONE_PULSE
     ),

@@ -1,4 +1,4 @@
-"""Every instruction of the main loop, with an interrupt forced right after it. On demand, ten minutes:
+"""Every instruction of the main loop, with an interrupt forced right after it. On demand:
 
 python -m tests.firmware.preemption.whole_loop                 each instruction once in each phase
 python -m tests.firmware.preemption.whole_loop --visits 4      four times: in other states of the loop

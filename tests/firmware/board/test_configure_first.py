@@ -1,0 +1,59 @@
+"""A parameter of the robot that arrives together with ARM and PWM holds before the motors are driven."""
+
+from tests.firmware.board.boot import ELF
+from tests.firmware.board.wire import run_for, send
+from thumper.board.framing import encode_frame
+from thumper.board.messages import (
+    PARAMETERS,
+    Command,
+    CommandRequest,
+    Identify,
+    Message,
+    SetMotorPwm,
+    SetParameter,
+)
+from thumper_hil.chip.instrumented_chip import InstrumentedChip
+from thumper_hil.chip.preemption import symbol
+from thumper_hil.chip.robot_params import RobotParams
+
+PORTD, FORWARD, OCR2B = 0x2B, 1 << 2, 0xB4
+REVERSED = next(spec.index for spec in PARAMETERS if spec.name == "left_motor_reversed")
+TICK_S, PWM = 0.1, 100
+REQUESTS: list[Message] = [
+    *[Identify()] * 5,  # their answers take four times as long, so the rest arrives in one pass
+    SetParameter(index=REVERSED, value=1),
+    CommandRequest(command=Command.ARM),
+    SetMotorPwm(left=PWM, right=0),
+    *[Identify()] * 2,
+]
+
+
+def run_to_tick(chip: InstrumentedChip) -> None:
+    """Run until a control tick has just changed the time of its samples."""
+    time_us = symbol(ELF, "samples").address
+    last = chip.data(time_us)
+    while chip.data(time_us) == last:
+        run_for(chip, 20e-6)
+
+
+def test_no_tick_drives_with_the_old_direction() -> None:
+    """At each moment of the requests before a tick: they take 3 ms, answers included."""
+    chip = InstrumentedChip(ELF, params=RobotParams.load(), seed=1)
+    run_for(chip, 0.3)
+    burst = b"".join(encode_frame(message.ID, 1, message.pack()) for message in REQUESTS)
+    driven = 0
+    for step in range(24):
+        send(chip, CommandRequest(command=Command.DISARM))
+        send(chip, SetParameter(index=REVERSED, value=0))
+        run_to_tick(chip)
+        run_for(chip, TICK_S - 0.2e-3 * step - 0.3e-3)
+        chip.send(burst)
+        run_to_tick(chip)
+        run_for(chip, 50e-6)
+        if chip.data(OCR2B) == PWM:
+            driven += 1
+            assert not chip.data(PORTD) & FORWARD, f"step {step}"
+        run_for(chip, 0.11)
+        assert chip.data(OCR2B) == PWM
+        assert not chip.data(PORTD) & FORWARD
+    assert 0 < driven < 24
