@@ -75,7 +75,7 @@ GUARDS: dict[str, Guard] = {
         sensors_go_on,
         "adc.ConvertAxis();",
         "",
-        'adc.ConvertAxis(); __asm__ volatile("ldi r28, 85");',
+        'adc.ConvertAxis(); __asm__ volatile("clr r9");',
         Interrupt.ANALOGUE,
     ),
     "bytes that the millisecond interrupt leaves to the main loop": Guard(
