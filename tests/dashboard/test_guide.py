@@ -5,9 +5,11 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Coroutine
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
-from typing import ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import pytest
 from benchmarks.shared.live import until
@@ -26,6 +28,14 @@ from thumper.ros.status import Status
 from thumper.ros.to_ros import Messages
 
 REAL = Ports(board="/dev/ttyUSB0", lidar="/dev/ttyUSB1", lidar_model="ld19")
+
+Result = TypeVar("Result")
+
+
+def in_own_loop(work: Coroutine[Any, Any, Result]) -> Result:
+    """Run in a thread of its own: the browser's driver may run a loop in this one."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, work).result()
 
 
 def test_written_configuration_has_the_ports_and_a_low_speed(tmp_path: Path) -> None:
@@ -64,7 +74,7 @@ def test_a_failed_command_becomes_the_outcome_and_the_step_stays(
     monkeypatch.chdir(tmp_path)
     guide = Guide("127.0.0.1:1", config=tmp_path / "robot.toml", ports=REAL)
     guide.begin(Step.FLASH)
-    asyncio.run(guide.flash("trex", "old"))
+    in_own_loop(guide.flash("trex", "old"))
     assert guide.step is Step.FLASH
     assert guide.busy is None
     assert guide.outcomes[Step.FLASH].verdict == "fail"
@@ -115,7 +125,7 @@ def test_an_interrupt_before_the_start_ends_the_command() -> None:
         command.interrupt()
         return await asyncio.wait_for(command.run(), 120)
 
-    assert asyncio.run(run()) != 0
+    assert in_own_loop(run()) != 0
 
 
 def test_only_manual_driving_counts() -> None:
@@ -139,7 +149,7 @@ def test_a_run_that_ends_while_it_tunes_frees_the_guide() -> None:
     guide.begin(Step.TUNE)
     guide.busy = Step.TUNE
     guide._run = SimpleNamespace(is_running=False, last_line="the board is gone")  # type: ignore[assignment]
-    asyncio.run(guide._follow())
+    in_own_loop(guide._follow())
     assert [guide.step, guide.busy] == [Step.START, None]
     assert guide.outcomes[Step.START].text == "the robot has stopped: the board is gone"
 
@@ -162,7 +172,7 @@ def test_a_simulator_that_does_not_start_ends(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(guide_module, "StepCommand", Simulator)
     monkeypatch.setattr(guide_module, "SIMULATOR_TIMEOUT_S", 0.3)
     guide = Guide("127.0.0.1:1", config=tmp_path / "robot.toml", ports=SIMULATED)
-    asyncio.run(guide.choose_robot("", SIMULATED))
+    in_own_loop(guide.choose_robot("", SIMULATED))
     assert guide.busy is None
     assert guide.outcomes[Step.ROBOT].text.startswith("thumper sim was not ready in 0.3 s")
     assert not Simulator.running
@@ -191,7 +201,7 @@ def test_one_simulator_runs_also_if_the_guide_ends_before_it_is_ready(
         assert not Simulator.running
         choice.cancel()
 
-    asyncio.run(run())
+    in_own_loop(run())
 
 
 PARENT = """
