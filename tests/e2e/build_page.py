@@ -187,7 +187,8 @@ def follow(walk: Walk, *, whole: bool) -> None:
 
     Without `whole`, leave out the set-up, and the manual stop: a busy computer is too slow for its keyboard.
     """
-    todo = steps((walk.repository / PAGE).read_text(encoding="utf-8"))
+    _, terminal = (walk.repository / PAGE).read_text(encoding="utf-8").split("same in the terminal.")
+    todo = steps(terminal)
     demo, _, doctor, flash, spin, run, teleop, slow, first = todo[:9]
     if whole:
         walk.run(f"{demo} -C {walk.repository}")
