@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from thumper.camera.frame import CameraFrame
 from thumper.camera.options import CameraOptions
 from thumper.common.geometry import FloatArray, Pose2
 
@@ -25,16 +24,6 @@ class TagCorners:
 
     number: int
     corners_px: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TagSighting:
-    """A tag seen from the robot, with one or two poses: x and y of its centre, theta where it faces."""
-
-    time_s: float
-    number: int
-    range_m: float  # from the lens
-    base_from_tag: tuple[Pose2, ...]  # the one that fits better first
 
 
 @cache
@@ -58,31 +47,6 @@ def find_tags(grey: Any) -> list[TagCorners]:
         TagCorners(number=int(number), corners_px=np.asarray(each, np.float64).reshape(4, 2))
         for number, each in zip(np.ravel(numbers), corners, strict=True)
     ]
-
-
-def sightings(frame: CameraFrame, camera: CameraOptions, sizes_m: dict[int, float]) -> list[TagSighting]:
-    """Return the poses of the tags in a frame whose size is known: `sizes_m`, by number.
-
-    Raises
-    ------
-    ValueError
-        The frame is damaged, or has another size than the intrinsics.
-    """
-    grey = frame.grey()
-    if grey.shape != (camera.height_px, camera.width_px):
-        raise ValueError(f"the frame has {grey.shape[1]} x {grey.shape[0]} pixels")
-    found = []
-    for tag in find_tags(grey):
-        if tag.number not in sizes_m:
-            continue
-        poses = tag_poses(tag.corners_px, sizes_m[tag.number], camera)
-        if poses:
-            planar = tuple(planar_pose(camera.base_from_optical() @ pose) for pose in poses)
-            range_m = float(np.linalg.norm(poses[0][:3, 3]))
-            found.append(
-                TagSighting(time_s=frame.time_s, number=tag.number, range_m=range_m, base_from_tag=planar)
-            )
-    return found
 
 
 def tag_poses(corners_px: FloatArray, size_m: float, camera: CameraOptions) -> list[FloatArray]:
