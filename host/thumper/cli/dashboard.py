@@ -5,16 +5,14 @@ from typing import Annotated
 
 import typer
 
-from thumper.cli.options.common import BusAddress, ConfigFile
+from thumper.cli.options.bus import address_of
+from thumper.cli.options.common import BusAddress, ConfigFile, PageHost, PagePort
 
 
 def dashboard(
     bus: BusAddress = "",
-    host: Annotated[
-        str,
-        typer.Option(help="Address to listen on; any other than loopback needs a password and HTTPS."),
-    ] = "",
-    port: Annotated[int, typer.Option(help="Port to listen on; 0: as configured.", min=0, max=65535)] = 0,
+    host: PageHost = "",
+    port: PagePort = 0,
     config: ConfigFile = None,
     make_certificate: Annotated[
         bool, typer.Option("--make-certificate", help="Create a certificate for HTTPS and exit.")
@@ -27,8 +25,6 @@ def dashboard(
 
     Example: `thumper dashboard --bus 192.168.1.20:7448`
     """
-    from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.config.bus import split_address
     from thumper.config.dashboard import check_options, default_certificate
     from thumper.config.robot import load_config
 
@@ -43,11 +39,7 @@ def dashboard(
         fingerprint = make(certificate, key, local_names(options.host))
         print(f"wrote {certificate} and {key}; the browser will show SHA-256 {fingerprint}")
         return
-    address = bus or settings.bus.address
-    try:
-        split_address(address)
-    except ValueError as error:
-        raise ThumperError(f"--bus {error}", exit_code=EXIT_USAGE) from error
+    address = address_of(bus, settings.bus)
     listening = check_options(options)  # before the slow imports, so that errors appear at once
     from thumper.dashboard.process import run_dashboard
 

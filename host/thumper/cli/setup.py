@@ -1,20 +1,15 @@
 """`thumper setup`: the first run in the browser, from a bare board or none to a saved map."""
 
 from dataclasses import replace
-from typing import Annotated
 
-import typer
-
-from thumper.cli.options.common import BusAddress, ConfigFile
+from thumper.cli.options.bus import address_of
+from thumper.cli.options.common import BusAddress, ConfigFile, PageHost, PagePort
 
 
 def setup(
     bus: BusAddress = "",
-    host: Annotated[
-        str,
-        typer.Option(help="Address to listen on; any other than loopback needs a password and HTTPS."),
-    ] = "",
-    port: Annotated[int, typer.Option(help="Port to listen on; 0: as configured.", min=0, max=65535)] = 0,
+    host: PageHost = "",
+    port: PagePort = 0,
     config: ConfigFile = None,
 ) -> None:
     """Guide through the first run in the browser: find port, flash, check, tune, drive, map, goal, save.
@@ -24,19 +19,13 @@ def setup(
 
     Example: `thumper setup`
     """
-    from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.config.bus import split_address
     from thumper.config.dashboard import check_options
     from thumper.config.robot import load_config
 
     settings = load_config(config)
     options = settings.dashboard
     options = replace(options, host=host or options.host, port=port or options.port)
-    address = bus or settings.bus.address
-    try:
-        split_address(address)
-    except ValueError as error:
-        raise ThumperError(f"--bus {error}", exit_code=EXIT_USAGE) from error
+    address = address_of(bus, settings.bus)
     listening = check_options(options)  # before the slow imports, so that errors appear at once
     from thumper.bus.zenoh_session import check_address_free
     from thumper.dashboard.guide.guide import Guide

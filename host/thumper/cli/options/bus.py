@@ -23,19 +23,27 @@ def connect(config: Path | None, address: str, robot: str) -> "BusClient":
     """
     from thumper.bus.client import BusClient
     from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.config.bus import ROBOT_NAME_PATTERN, split_address
+    from thumper.config.bus import ROBOT_NAME_PATTERN
 
     if robot and not re.fullmatch(ROBOT_NAME_PATTERN, robot):
         raise ThumperError(
             f"--robot {robot!r} is not a robot name; use letters, digits, - and _", exit_code=EXIT_USAGE
         )
     name, options = _name_and_bus(config)
+    return BusClient(robot or name, address_of(address, options), token_of(config), tls=options.tls)
+
+
+def address_of(address: str, options: "BusOptions") -> str:
+    """Return the address of `--bus`, else the configured one; raise ThumperError if it is none."""
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.config.bus import split_address
+
     address = address or options.address
     try:
         split_address(address)
     except ValueError as error:
         raise ThumperError(f"--bus {error}", exit_code=EXIT_USAGE) from error
-    return BusClient(robot or name, address, token_of(config), tls=options.tls)
+    return address
 
 
 def report_to_stderr(text: str) -> None:

@@ -15,6 +15,13 @@ ConfigFile = Annotated[
     Path | None, typer.Option("--config", help="TOML file of the robot; without it, a Wild Thumper.")
 ]
 BusAddress = Annotated[str, typer.Option("--bus", help="HOST:PORT of the bus; overrides the configuration.")]
+PageHost = Annotated[
+    str,
+    typer.Option("--host", help="Address to listen on; any other than loopback needs a password and HTTPS."),
+]
+PagePort = Annotated[
+    int, typer.Option("--port", help="Port to listen on; 0: as configured.", min=0, max=65535)
+]
 RobotName = Annotated[
     str, typer.Option("--robot", help="Name of the robot on the bus; overrides the configuration.")
 ]
