@@ -63,12 +63,7 @@ def open_excerpts(path: Path) -> Iterator[Excerpts]:
 
 
 def _recorded(schema: Schema | None, channel: Channel, message: Message) -> RecordedMessage:
-    if schema is None or channel.message_encoding != "cdr":
+    found = RecordedMessage.of(schema, channel, message)
+    if found is None:
         raise ValueError(channel.topic)
-    return RecordedMessage(
-        topic=channel.topic.removeprefix("/"),
-        type_name=schema.name,
-        log_ns=message.log_time,
-        cdr=message.data,
-        definition=schema.data.decode("utf-8", errors="replace"),
-    )
+    return found

@@ -26,6 +26,19 @@ class RecordedMessage:
     cdr: bytes
     definition: str = ""  # of the type, as stored in the file
 
+    @classmethod
+    def of(cls, schema: Schema | None, channel: Channel | None, message: Message) -> "RecordedMessage | None":
+        """Return the message of three MCAP records; None if it is not in CDR, or one is missing."""
+        if schema is None or channel is None or channel.message_encoding != "cdr":
+            return None
+        return cls(
+            topic=channel.topic.removeprefix("/"),
+            type_name=schema.name,
+            log_ns=message.log_time,
+            cdr=message.data,
+            definition=schema.data.decode("utf-8", errors="replace"),
+        )
+
     def decode(self) -> codec.Message:
         """Decode the message; raises ValueError or KeyError if it is invalid or of an unknown type."""
         return codec.decode(self.cdr, self.type_name, self.definition)
@@ -83,15 +96,9 @@ class Recording:
                 elif isinstance(record, Message):
                     channel = channels.get(record.channel_id)
                     schema = schemas.get(channel.schema_id) if channel else None
-                    if channel is None or schema is None or channel.message_encoding != "cdr":
-                        continue
-                    yield RecordedMessage(
-                        topic=channel.topic.removeprefix("/"),
-                        type_name=schema.name,
-                        log_ns=record.log_time,
-                        cdr=record.data,
-                        definition=schema.data.decode("utf-8", errors="replace"),
-                    )
+                    found = RecordedMessage.of(schema, channel, record)
+                    if found is not None:
+                        yield found
 
 
 def find_recordings(paths: list[Path]) -> tuple[Path, ...]:
