@@ -202,7 +202,7 @@ def _wire(
             saver=saver,
             opened=saving.opened,
         ),
-        docking=_docking(config, inputs),
+        docking=_docking(config, inputs, map_annotations),
     )
     return RobotLoop(
         RobotParts(
@@ -217,7 +217,7 @@ def _wire(
     )
 
 
-def _docking(config: RobotConfig, inputs: SensorInputs) -> Docking | None:
+def _docking(config: RobotConfig, inputs: SensorInputs, annotations: MapAnnotations) -> Docking | None:
     """Return what docks the robot; None without a camera."""
     feed = next((feed for feed in inputs.feeds if feed.kind is CAMERA), None)
     if feed is None:
@@ -229,6 +229,7 @@ def _docking(config: RobotConfig, inputs: SensorInputs) -> Docking | None:
         limits=config.navigation.limits,
         monitor=collision_monitor(config),
         newest_frames=lambda: feed.samples,
+        annotations=lambda: annotations.value,
     )
 
 

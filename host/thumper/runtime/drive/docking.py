@@ -44,7 +44,7 @@ class Docking:
     limits: SpeedLimits
     monitor: CollisionMonitor
     newest_frames: Callable[[], list[CameraFrame]]
-    annotations: Callable[[], Annotations] = field(default=Annotations)
+    annotations: Callable[[], Annotations]
     _known: Pose2 | None = field(default=None, init=False)  # map_from_docked, by the tag
 
     def dock(self) -> Task:

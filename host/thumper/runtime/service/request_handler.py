@@ -82,8 +82,6 @@ class RequestHandler:
         self.board_jobs = BoardJobQueue()
         self.annotations = storage.annotations
         self.docking = docking
-        if docking is not None:
-            docking.annotations = lambda: storage.annotations.value
         self._request_queue = request_queue
         self._stall_guard = StallGuard()
         self._drive_manager = drive_manager

@@ -8,6 +8,7 @@ from thumper.runtime.requests import GoTo, Query, Request, RobotCommand
 
 STALL_S = 2.0  # after this long without a cycle, no sender waits for an answer any more
 STALE_PERIOD_S = 1.0  # requests that were in transit during the stall arrive within this time
+STARTING_COMMANDS = frozenset({"arm", "explore", "dock", "undock"})
 STALE_REQUEST = "rejected: the robot's process hung since this request was sent; send it again"
 
 
@@ -32,12 +33,14 @@ def starts_motion(request: Request) -> bool:
     A manual command cannot: the robot must be armed first.
     """
     match request:
-        case GoTo() | RobotCommand(name="arm" | "explore" | "dock" | "undock"):
+        case GoTo():
             return True
+        case RobotCommand():
+            return request.name in STARTING_COMMANDS
         case Query(
             name=services.MISSION_SEND.name | services.MISSION_FOLLOW.name | services.EXPERIMENT_START.name
         ):
             return True
         case Query(name=services.COMMAND.name):
-            return request.content.get("command") in ("arm", "explore", "dock", "undock")
+            return request.content.get("command") in STARTING_COMMANDS
     return False
