@@ -1,9 +1,11 @@
 """The occupancy grid: output of the mappers, input of the planners."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+
+from thumper.maps.cell_changes import CellBox, RenderHistory
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 
@@ -22,6 +24,17 @@ class OccupancyGrid:
     resolution_m: float
     origin_x_m: float
     origin_y_m: float
+    # Not a parameter, so that `replace` does not copy it to a grid with other cells.
+    history: RenderHistory | None = field(default=None, init=False, repr=False, compare=False)
+
+    def with_history(self, history: RenderHistory) -> "OccupancyGrid":
+        """Set where this grid differs from earlier renders of the same map; return it."""
+        object.__setattr__(self, "history", history)
+        return self
+
+    def changed_since(self, older: RenderHistory | None) -> CellBox | None:
+        """Return the box round all cells that differ from an older render; None if it is not known."""
+        return None if self.history is None else self.history.changed_since(older)
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Return (row, col) of the cell that contains the point; it may lie outside the grid."""

@@ -1,8 +1,9 @@
 """The global costmap, kept between cycles and updated only where a layer has changed.
 
-Layers: map, keep-out masks, hits of scan and memory; inflation over their union. Each update compares the map
-with the previous one row by row (a memory comparison, the only work that grows with the map). It recomputes
-distances and costs in the box round the changes, grown by the inflation radius.
+Layers: map, keep-out masks, hits of scan and memory; inflation over their union. Each update reads the part
+of the map that has changed since the previous one by its `RenderHistory`. A map without history is compared
+whole, row by row. Distances and costs are computed again in the box round the changes, grown by the inflation
+radius.
 """
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
+from thumper.maps.cell_changes import CellBox, RenderHistory
 from thumper.maps.distance_transform import squared_distances
 from thumper.maps.occupancy_grid import CellArray, OccupancyGrid
 from thumper.navigation.costmap.costmap import (
@@ -28,30 +30,35 @@ NO_BOX = np.array((np.iinfo(np.int64).max, np.iinfo(np.int64).max, -1, -1))
 
 @kernel
 def update_map_layer(
-    cells: CellArray, known: CellArray, layers: ByteArray, lethal_percent: int, box: NDArray[np.int64]
+    cells: CellArray,
+    known: CellArray,
+    layers: ByteArray,
+    lethal_percent: int,
+    part: CellBox,
+    box: NDArray[np.int64],
 ) -> None:
-    """Update `known` and the MAP bit of `layers`, shape (rows, cols), to `cells`.
+    """Update `known` and the MAP bit of `layers`, shape (rows, cols), to the `part` of `cells`.
 
     Grows `box` (row_min, col_min, row_max, col_max) round the cells that became obstacle, free or unknown.
     """
-    rows, cols = cells.shape
-    for row in range(rows):
-        new, old = cells[row], known[row]
+    left = part.left
+    for row in range(part.top, part.bottom):
+        new, old = cells[row, left : part.right], known[row, left : part.right]
         differs = 0
-        for col in range(cols):
-            differs |= new[col] ^ old[col]
+        for k in range(new.size):
+            differs |= new[k] ^ old[k]
         if differs == 0:
             continue
-        for col in range(cols):
-            if new[col] == old[col]:
+        for k in range(new.size):
+            if new[k] == old[k]:
                 continue
-            was, now = old[col] >= lethal_percent, new[col] >= lethal_percent
+            was, now, col = old[k] >= lethal_percent, new[k] >= lethal_percent, left + k
             if was != now:
                 layers[row, col] ^= MAP
-            if was != now or (old[col] < 0) != (new[col] < 0):
+            if was != now or (old[k] < 0) != (new[k] < 0):
                 box[0], box[1] = min(box[0], row), min(box[1], col)
                 box[2], box[3] = max(box[2], row), max(box[3], col)
-            old[col] = new[col]
+            old[k] = new[k]
 
 
 @kernel
@@ -88,6 +95,7 @@ class CostmapLayers:
         self._keepout: Masks = ()
         self._has_new_keepout = False
         self._geometry: tuple[object, ...] = ()
+        self._history: RenderHistory | None = None  # of the map in `_known`
         self._known: CellArray = np.empty((0, 0), np.int8)
         self._layers: ByteArray = np.empty((0, 0), np.uint8)
         self._marked: NDArray[np.int64] = np.empty(0, np.int64)
@@ -109,13 +117,15 @@ class CostmapLayers:
         geometry = (grid.cells.shape, grid.resolution_m, grid.origin_x_m, grid.origin_y_m)
         box = NO_BOX.copy()
         rows, cols = grid.cells.shape
+        part = grid.changed_since(self._history) or CellBox(0, 0, rows, cols)
+        self._history = grid.history
         if geometry != self._geometry:
             self._allocate(grid)
-            self._geometry = geometry
+            self._geometry, part = geometry, CellBox(0, 0, rows, cols)
             box[:] = 0, 0, rows - 1, cols - 1
         if self._has_new_keepout:
             self._update_keepout(grid, box)
-        update_map_layer(grid.cells, self._known, self._layers, self._options.lethal_percent, box)
+        update_map_layer(grid.cells, self._known, self._layers, self._options.lethal_percent, part, box)
         hits = self._cells_under(hits_in_map_m, grid)
         update_hit_layer(hits, self._marked, self._layers, box)
         self._marked = hits

@@ -12,10 +12,12 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.resumable import Search, bands_of
 from thumper.lidar.deskew import INVALID, ScanPoints
+from thumper.maps.cell_changes import CellBox
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import UNKNOWN, CellArray, OccupancyGrid
+from thumper.slam.grid.occupancy_render import OccupancyRender
 from thumper.slam.grid.ray_casting import GridBeams
-from thumper.slam.grid.scan_inserter import HitCells, insert_scan, occupancy
+from thumper.slam.grid.scan_inserter import HitCells, insert_scan
 from thumper.slam.scan_matching.distance_field import (
     DistanceField,
     add_obstacles,
@@ -49,7 +51,7 @@ class HitGrid:
         distances_m = metric_distances(self.max_distance_cells, resolution_m)
         self._rule = insertion_rule(distances_m, self.max_distance_cells, occupied_fraction)
         self._first_row = self._first_col = 0
-        self._rendered: OccupancyGrid | None = None  # the last returned map, until a scan changes it
+        self._render: OccupancyRender | None = None  # until the array grows
         self.hits = np.zeros((0, 0), dtype=np.uint8)
         self.misses = np.zeros((0, 0), dtype=np.uint8)
         self.distance_m = np.zeros((0, 0), dtype=np.float32)
@@ -114,6 +116,7 @@ class HitGrid:
         low, high = self._cells_around(np.array([low_m, high_m]))
         rows, cols = int(high[1] - low[1]), int(high[0] - low[0])
         self._first_row, self._first_col = int(low[1]), int(low[0])
+        self._render = None
         self.hits, self.misses, self._layer = (_zeros((rows, cols), np.dtype(np.uint8)) for _ in range(3))
         if self._distances:
             self.distance_m = _zeros((rows, cols), np.dtype(np.float32))
@@ -134,7 +137,6 @@ class HitGrid:
         ends_m = map_from_base.apply(points.ends_m[valid])
         self._ensure_covers(np.concatenate((origins_m, ends_m)))
         corner = np.array(self.corner_m)
-        self._rendered = None
         beams = GridBeams(
             (origins_m - corner) / self.resolution_m,
             (ends_m - corner) / self.resolution_m,
@@ -142,6 +144,8 @@ class HitGrid:
         )
         cells = HitCells(self.hits, self.misses, self.distance_m)
         insert_scan(beams, self._layer, cells, self._rule)
+        if self._render is not None:
+            self._render.add_scan(_cells_crossed(beams))
 
     def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """Return the mask of occupied cells, shape (rows, columns)."""
@@ -160,13 +164,14 @@ class HitGrid:
     def grid(self, *, percent: bool) -> OccupancyGrid:
         """Return the map as free, occupied or unknown, or as the share of hits in percent.
 
-        The former is the same object until a scan is inserted, and never changes: the runtime asks for it ten
-        times per second.
+        The former is the same object until a scan changes a cell, and never changes: the runtime asks for it
+        ten times per second.
         """
         if not percent:
-            if self._rendered is None:
-                self._rendered = self._as_grid(occupancy(self.hits, self.misses, self.occupied_fraction))
-            return self._rendered
+            if self._render is None:
+                empty = self._as_grid(np.full(self.hits.shape, UNKNOWN, np.int8))
+                self._render = OccupancyRender(empty, self.occupied_fraction)
+            return self._render.grid(self.hits, self.misses)
         total = self.hits.astype(np.int32) + self.misses
         share = np.rint(np.float32(100.0) * self.hits / np.maximum(total, 1)).astype(np.int8)
         return self._as_grid(np.where(total > 0, share, UNKNOWN).astype(np.int8))
@@ -183,7 +188,7 @@ class HitGrid:
         if self._distances:
             self.distance_m = _enlarged(self.distance_m, (rows, cols), window, self.max_distance_m)
         self._layer = _zeros((rows, cols), np.dtype(np.uint8))
-        self._rendered = None
+        self._render = None
 
     def _cells_around(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the lowest and the highest (column, row) that points, shape (n, 2), need."""
@@ -211,6 +216,13 @@ class HitGrid:
         right = last_col + _added(high[0] - last_col, cols)
         self._grow(bottom - top, right - left, first_row - top, first_col - left)
         self._first_row, self._first_col = top, left
+
+
+def _cells_crossed(beams: GridBeams) -> CellBox:
+    """Return the box round all cells of a scan, with one more on each side for the rounding of the rays."""
+    low = np.floor(np.minimum(beams.origins.min(axis=0), beams.ends.min(axis=0))).astype(np.int64)
+    high = np.floor(np.maximum(beams.origins.max(axis=0), beams.ends.max(axis=0))).astype(np.int64)
+    return CellBox(int(low[1]) - 1, int(low[0]) - 1, int(high[1]) + 2, int(high[0]) + 2)
 
 
 def _added(missing: float, side: int) -> int:

@@ -3,11 +3,8 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from thumper.common.numba_kernel import kernel
 from thumper.lidar.deskew import HIT
-from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, CellArray
 from thumper.slam.grid.ray_casting import GridBeams, LayerArray, cast_rays
 from thumper.slam.scan_matching.distance_field import (
     CountArray,
@@ -87,15 +84,3 @@ def insert_scan(beams: GridBeams, layer: LayerArray, cells: HitCells, rule: Inse
     for i in range(kinds.size):
         if kinds[i] == HIT:
             layer[math.floor(ends[i, 1]), math.floor(ends[i, 0])] = 0
-
-
-@kernel
-def occupancy(hits: CountArray, misses: CountArray, occupied_fraction: float) -> CellArray:
-    """Return each cell as free, occupied or unknown, shape (rows, columns)."""
-    found = np.empty(hits.shape, dtype=np.int8)
-    for row in range(hits.shape[0]):
-        for col in range(hits.shape[1]):
-            known = hits[row, col] > 0 or misses[row, col] > 0
-            occupied = is_occupied(hits[row, col], misses[row, col], occupied_fraction)
-            found[row, col] = OCCUPIED if occupied else FREE if known else UNKNOWN
-    return found
