@@ -1,5 +1,7 @@
 """Decides whether scans and telemetry are recent enough to drive on. Pure."""
 
+import math
+
 from thumper.runtime.sensor_inputs import BLIND_S
 from thumper.runtime.state_estimator import RobotState
 
@@ -16,19 +18,27 @@ def waits_for_scan(state: RobotState) -> str:
 
 
 class DataAge:
-    """Ask `problem` before each command. While there is a problem the robot waits, but not for ever."""
+    """Ask `problem` before each command of a drive. While there is one the robot waits, but not for ever."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None  # when the present wait began
+        self._time_s = math.nan  # of the newest state
+        self._cycle_s = 0.0  # between the two newest states
 
     def problem(self, state: RobotState, now_s: float) -> str:
         """Return why the robot must not move now, on the clock `now_s` of the board; empty if it may."""
+        if state.time_s > self._time_s:
+            self._cycle_s = state.time_s - self._time_s
+        self._time_s = state.time_s
         telemetry_age_s = now_s - state.time_s
+        is_lidar_lost = state.scan_age_s > SCAN_TIMEOUT_S
+        # A scan is mapped once telemetry covers it: after a slow cycle the lidar is not to blame for its age.
+        late_s = max(telemetry_age_s, self._cycle_s if is_lidar_lost else 0.0)
         problem = ""
-        if state.scan_age_s > SCAN_TIMEOUT_S:
+        if late_s > TELEMETRY_S:
+            problem = f"waiting: this computer is overloaded, the data is {late_s:.2f} s old"
+        elif is_lidar_lost:
             problem = LIDAR_LOST
-        elif telemetry_age_s > TELEMETRY_S:
-            problem = f"waiting: this computer is overloaded, the data is {telemetry_age_s:.2f} s old"
         else:
             problem = waits_for_scan(state)
         if not problem:

@@ -102,7 +102,7 @@ class DriveManager:
             self._arm(telemetry, clear_fault=clear_fault)
         self.navigator.set_goal(goal)
         self._cruise = Twist2()  # of a motion that this goal replaces
-        self.outcome, self.is_waiting = None, False
+        self.outcome, self.is_waiting, self._data_age = None, False, DataAge()
         self.goal, self.source = goal, source
         self.mode, self.reason = DriveMode.DRIVING, ""
 

@@ -35,6 +35,16 @@ def test_the_problem_names_what_is_old(scan_age_s: float, telemetry_age_s: float
     assert bool(problem) == bool(words)
 
 
+@pytest.mark.parametrize(("cycle_s", "words"), [(0.1, LIDAR_LOST), (1.3, "overloaded, the data is 1.30 s")])
+def test_an_old_scan_after_a_slow_cycle_is_not_the_fault_of_the_lidar(cycle_s: float, words: str) -> None:
+    age = DataAge()
+    assert not age.problem(state(10.0), 10.0)
+    late = state(10.0 + cycle_s, 1.2)
+    assert words in age.problem(late, late.time_s)
+    assert words in age.problem(late, late.time_s)  # asked twice a cycle
+    assert age.is_hopeless(late)
+
+
 def test_the_wait_ends_after_five_seconds() -> None:
     age = DataAge()
     hopeless_s = []
