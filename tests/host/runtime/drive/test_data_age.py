@@ -41,7 +41,7 @@ def test_an_old_scan_after_a_slow_cycle_is_not_the_fault_of_the_lidar(cycle_s: f
     assert not age.problem(state(10.0), 10.0)
     late = state(10.0 + cycle_s, 1.2)
     assert words in age.problem(late, late.time_s)
-    assert words in age.problem(late, late.time_s)  # asked twice a cycle
+    assert words in age.problem(late, late.time_s)  # each cycle asks two times
     assert age.is_hopeless(late)
 
 
