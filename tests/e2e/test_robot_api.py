@@ -81,8 +81,13 @@ def test_the_first_logged_pose_is_the_start() -> None:
 
 def test_patrol_drives_all_rounds_and_logs_every_pose() -> None:
     with Robot("sim://") as robot:
-        result = robot.patrol([(0.4, 0.0), (0.4, -0.4)], rounds=2)
+        result = robot.patrol([(0.4, 0.0), (0.4, -0.4)], rounds=2, wait_s=3.0)
         assert result.reached, result.reason
+        stationary = np.abs(robot.log.speeds[:, 1:]).max(axis=1) < 0.01
+        stops, starts = (np.flatnonzero(np.diff(stationary.astype(int)) == sign) for sign in (1, -1))
+        waits_s = robot.log.speeds[starts[1:], 0] - robot.log.speeds[stops[:3], 0]
+        assert len(starts) == 4
+        assert (waits_s > 2.9).all()
         assert 1.0 < result.path_length_m < 3.0
         robot.drive(v_m_s=0.1)
         poses, speeds = robot.log.poses, robot.log.speeds
@@ -179,6 +184,7 @@ def test_each_result_has_the_time_and_length_of_its_drive() -> None:
         (lambda robot: robot.patrol([]), "at least one place"),
         (lambda robot: robot.patrol(cast("Any", [1.0, 2.0])), "a list of places"),
         (lambda robot: robot.patrol([(0.5, 0.0)], rounds=0), "1 round"),
+        (lambda robot: robot.patrol([(0.5, 0.0)], wait_s=-1.0), r"wait_s of 0\.\.\.3600 s"),
         (lambda robot: robot.explore(minutes=-1.0), "more than 0 minutes"),
         (lambda robot: robot.wait(0.0), "more than 0 and up to 600 s"),
         (lambda robot: robot.wait(-1.0), "wait: choose a duration"),

@@ -53,6 +53,9 @@ def run(
     patrol: Annotated[
         int, typer.Option(help="Number of rounds over the waypoints and the goal.", min=1, max=10_000)
     ] = 1,
+    wait: Annotated[
+        float, typer.Option(help="Wait at each waypoint and the goal, in seconds.", min=0.0, max=3600.0)
+    ] = 0.0,
     board: BoardPort = "",
     lidar: LidarPort = "",
     start: StartPose = None,
@@ -103,8 +106,10 @@ def run(
         raise ThumperError("--heading belongs to --goal X Y", exit_code=EXIT_USAGE)
     if patrol > 1 and not places:
         raise ThumperError("--patrol belongs to --waypoint X Y or --goal X Y", exit_code=EXIT_USAGE)
-    _refuse_unused(context, ("speed",) if places else ("tolerance", "clear_fault"), has_goal=bool(places))
-    waypoints = _waypoints(places, heading, tolerance, patrol)
+    _refuse_unused(
+        context, ("speed",) if places else ("tolerance", "clear_fault", "wait"), has_goal=bool(places)
+    )
+    waypoints = _waypoints(places, heading, tolerance, patrol, wait)
     options = RunOptions(
         config=config,
         board=board,
@@ -175,7 +180,11 @@ def _drive(options: "RunOptions", waypoints: "Waypoints", console: "Console", *,
 
 
 def _waypoints(
-    places: list[tuple[float, float]], heading_deg: float | None, tolerance_m: float, rounds: int
+    places: list[tuple[float, float]],
+    heading_deg: float | None,
+    tolerance_m: float,
+    rounds: int,
+    wait_s: float,
 ) -> "Waypoints | None":
     """Return the places as waypoints, the heading at the last one; None without places."""
     from thumper.navigation.goal import Goal, check_place
@@ -188,7 +197,7 @@ def _waypoints(
     goals = [Goal(x_m=x_m, y_m=y_m, tolerance_m=tolerance_m) for x_m, y_m in places]
     if heading_deg is not None:
         goals[-1] = replace(goals[-1], theta_rad=math.radians(heading_deg))
-    return Waypoints(goals=tuple(goals), rounds=rounds)
+    return Waypoints(goals=tuple(goals), rounds=rounds, waits_s=len(goals) * (wait_s,))
 
 
 def _place_of(

@@ -42,7 +42,7 @@ from thumper.runtime.drive.waypoints import Waypoints
 from thumper.runtime.drive_log import DriveLog
 from thumper.runtime.drive_result import DriveResult
 from thumper.runtime.loop import RobotLoop
-from thumper.runtime.requests import parse_goal
+from thumper.runtime.requests import parse_goal, parse_wait
 from thumper.runtime.state_estimator import RobotState
 from thumper.slam.saved_state import SavedSlamState, load_session, save_session
 
@@ -230,9 +230,16 @@ class Robot:
         return self._carry_out(tasks.drive_to_goal(parse_goal(numbers)))
 
     def patrol(
-        self, places: Iterable[tuple[float, float]], *, rounds: int = 1, tolerance_m: float = 0.1
+        self,
+        places: Iterable[tuple[float, float]],
+        *,
+        rounds: int = 1,
+        tolerance_m: float = 0.1,
+        wait_s: float = 0.0,
     ) -> DriveResult:
         """Drive to all places (x_m, y_m) in turn, `rounds` times; end at the first that is not reached.
+
+        At each place, wait for `wait_s`, motors off.
 
         Raises
         ------
@@ -245,7 +252,9 @@ class Robot:
             parse_goal({"x_m": x_m, "y_m": y_m, "tolerance_m": arguments.number("patrol", tolerance_m)})
             for x_m, y_m in arguments.places("patrol", places)
         ]
-        return self._carry_out(tasks.follow_waypoints(Waypoints(goals=tuple(goals), rounds=rounds)))
+        waits_s = len(goals) * (parse_wait(wait_s),)
+        waypoints = Waypoints(goals=tuple(goals), rounds=rounds, waits_s=waits_s)
+        return self._carry_out(tasks.follow_waypoints(waypoints))
 
     def explore(self, *, minutes: float = 15.0) -> DriveResult:
         """Drive from frontier to frontier until the place is mapped, or for `minutes`, then come back.

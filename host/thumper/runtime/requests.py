@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
-from thumper.common.errors import ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.maps.annotations import Annotations
 from thumper.navigation.goal import Goal, check_place
 
 MAX_WAYPOINTS = 200
 MAX_LEGS = 2000  # of all rounds
+MAX_WAIT_S = 3600.0  # at a waypoint
 
 
 def parse_goal(content: Mapping[str, Any], annotations: Annotations | None = None) -> Goal:
@@ -48,8 +49,13 @@ def parse_goal(content: Mapping[str, Any], annotations: Annotations | None = Non
     )
 
 
-def parse_goals(content: Mapping[str, Any], annotations: Annotations) -> tuple[tuple[Goal, ...], int]:
-    """Return the goals of `content`, a list of what `parse_goal` takes, and its rounds, by default one."""
+def parse_goals(
+    content: Mapping[str, Any], annotations: Annotations
+) -> tuple[tuple[Goal, ...], tuple[float, ...], int]:
+    """Return the goals of `content`, how long to wait at each [s], and its rounds, by default one.
+
+    A goal is what `parse_goal` takes, and optionally wait_s.
+    """
     goals, rounds = content.get("goals"), content.get("rounds", 1)
     if (
         not set(content) <= {"goals", "rounds"}
@@ -62,7 +68,16 @@ def parse_goals(content: Mapping[str, Any], annotations: Annotations) -> tuple[t
     most = MAX_LEGS // len(goals)
     if not isinstance(rounds, int) or isinstance(rounds, bool) or not 1 <= rounds <= most:
         raise ThumperError(f"choose 1 to {most} rounds over {len(goals)} goals")
-    return tuple(parse_goal(goal, annotations) for goal in goals), rounds
+    waits_s = tuple(parse_wait(goal.get("wait_s", 0.0)) for goal in goals)
+    places = ({name: value for name, value in goal.items() if name != "wait_s"} for goal in goals)
+    return tuple(parse_goal(place, annotations) for place in places), waits_s, rounds
+
+
+def parse_wait(wait_s: object) -> float:
+    """Return the time that the robot waits at a waypoint [s]; raise ThumperError if it is impossible."""
+    if not isinstance(wait_s, int | float) or isinstance(wait_s, bool) or not 0.0 <= wait_s <= MAX_WAIT_S:
+        raise ThumperError(f"choose a wait_s of 0...{MAX_WAIT_S:g} s at a waypoint", exit_code=EXIT_USAGE)
+    return float(wait_s)
 
 
 # The topic `command` accepts these words and no others.

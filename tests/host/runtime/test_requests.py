@@ -68,11 +68,23 @@ def test_a_place_is_a_goal() -> None:
 
 def test_goals_have_rounds() -> None:
     goals: list[dict[str, Any]] = [{"place": "sofa"}, PLACE]
-    assert parse_goals({"goals": goals}, SAVED) == ((parse_goal(goals[0], SAVED), parse_goal(PLACE)), 1)
-    assert parse_goals({"goals": goals, "rounds": 1000}, SAVED)[1] == 1000
+    assert parse_goals({"goals": goals}, SAVED) == (
+        (parse_goal(goals[0], SAVED), parse_goal(PLACE)),
+        (0.0, 0.0),
+        1,
+    )
+    assert parse_goals({"goals": goals, "rounds": 1000}, SAVED)[2] == 1000
     for wrong in (0, 1001, 1.5, True, "2"):
         with pytest.raises(ThumperError, match="choose 1 to 1000 rounds over 2 goals"):
             parse_goals({"goals": goals, "rounds": wrong}, SAVED)
+
+
+def test_goals_have_a_wait() -> None:
+    goals: list[dict[str, Any]] = [{"place": "sofa", "wait_s": 5}, PLACE]
+    assert parse_goals({"goals": goals}, SAVED)[1] == (5.0, 0.0)
+    for wrong in (-1.0, 3600.1, True, "2", None, float("nan")):
+        with pytest.raises(ThumperError, match=r"choose a wait_s of 0\.\.\.3600 s"):
+            parse_goals({"goals": [PLACE | {"wait_s": wrong}]}, SAVED)
 
 
 def test_gamepad_outranks_the_other_source() -> None:

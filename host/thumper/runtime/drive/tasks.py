@@ -28,7 +28,9 @@ def drive_to_goal(goal: Goal, name: str = "driving", *, clear_fault: bool = Fals
 def follow_waypoints(
     waypoints: Waypoints, *, clear_fault: bool = False, on_leg: Callable[[int], None] = lambda _number: None
 ) -> Task:
-    """Drive to all waypoints in turn, until one is not reached; add up times and path lengths.
+    """Drive to all waypoints in turn, until one is not reached; wait at each, motors off, for its time.
+
+    Times and path lengths are added up.
 
     `on_leg` receives the number of each leg, from 0, before it starts. The reason names the failed waypoint.
     Only the first may raise the ThumperError of a refusal; a later one that is refused ends the task like one
@@ -44,6 +46,9 @@ def follow_waypoints(
                 raise
             return replace(total, reached=False, reason=f"{leg.name} {leg.goal}: {refusal}")
         total = result.after(total)
+        if total.reached and leg.wait_s:
+            waited = yield Wait(duration_s=leg.wait_s, name=f"waiting, {leg.name}")
+            total = replace(waited.after(total), reason=total.reason if waited.reached else waited.reason)
         if not total.reached:
             if waypoints.has_one_leg:
                 return total

@@ -11,10 +11,11 @@ MAX_MISSIONS = 32  # remembered, for clients that ask for the state of an old on
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Waypoint:
-    """One goal of several and its name for people."""
+    """One goal of several, its name for people, and how long the robot waits there [s]."""
 
     name: str
     goal: Goal
+    wait_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,10 +24,13 @@ class Waypoints:
 
     goals: tuple[Goal, ...]
     rounds: int = 1
+    waits_s: tuple[float, ...] = ()  # at each goal; empty: drive on at once
 
     def __post_init__(self) -> None:
         if not self.goals or self.rounds < 1:
             raise ValueError(f"waypoints need at least one goal and one round, got {self}")
+        if self.waits_s and len(self.waits_s) != len(self.goals):
+            raise ValueError(f"waypoints need one wait per goal, got {self}")
 
     @property
     def has_one_leg(self) -> bool:
@@ -35,10 +39,11 @@ class Waypoints:
 
     def legs(self) -> list[Waypoint]:
         """Return all waypoints in the order of driving."""
+        waits_s = self.waits_s or len(self.goals) * (0.0,)
         return [
-            Waypoint(name=self._name(number, lap), goal=goal)
+            Waypoint(name=self._name(number, lap), goal=goal, wait_s=wait_s)
             for lap in range(1, self.rounds + 1)
-            for number, goal in enumerate(self.goals, start=1)
+            for number, (goal, wait_s) in enumerate(zip(self.goals, waits_s, strict=True), start=1)
         ]
 
     def _name(self, number: int, lap: int) -> str:

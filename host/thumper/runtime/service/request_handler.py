@@ -274,8 +274,8 @@ class RequestHandler:
         return MissionStarted(mission=self._missions.start((goal,), source))
 
     def _follow_mission(self, content: Mapping[str, Any], source: str) -> MissionStarted:
-        goals, rounds = parse_goals(content, self.annotations.value)
-        return MissionStarted(mission=self._missions.start(goals, source, rounds=rounds))
+        goals, waits_s, rounds = parse_goals(content, self.annotations.value)
+        return MissionStarted(mission=self._missions.start(goals, source, rounds=rounds, waits_s=waits_s))
 
     def _run_command(self, request: RunCommand, source: str) -> Text:
         return Text(text=self._commands.run(request.command, source))

@@ -1,6 +1,8 @@
 """Several goals in one drive: order, result and reason."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import cast
 
 import pytest
 
@@ -8,7 +10,7 @@ from tests.host.runtime.drive.carry_out import carry_out
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.navigation.goal import Goal
-from thumper.runtime.drive.legs import AnyLeg, Leg
+from thumper.runtime.drive.legs import AnyLeg, Leg, Wait
 from thumper.runtime.drive.tasks import follow_waypoints
 from thumper.runtime.drive.waypoints import Waypoints
 from thumper.runtime.drive_result import DriveResult
@@ -69,3 +71,24 @@ def test_rejected_first_waypoint_raises_and_a_later_one_ends_the_drive() -> None
     result = follow(Waypoints(goals=(A, B)), rejecting(B))
     assert not result.reached
     assert result.reason == "waypoint 2 of 2 (0.00, 1.00): too near an obstacle"
+
+
+@pytest.mark.parametrize("is_cancelled", [False, True])
+def test_it_waits_at_each_waypoint_before_it_drives_on(*, is_cancelled: bool) -> None:
+    seen: list[str | float] = []
+
+    def drive(leg: AnyLeg) -> DriveResult:
+        if not isinstance(leg, Wait):
+            return driver(lambda _goal: False, cast("list[str]", seen))(leg)
+        seen.append(leg.duration_s)
+        waited = driver(lambda _goal: is_cancelled, [])(Leg(goal=B))
+        return replace(waited, reason="cancelled" if is_cancelled else "done", path_length_m=0.0)
+
+    result = follow(Waypoints(goals=(A, B), waits_s=(4.0, 0.0), rounds=2), drive)
+    assert result.reached is not is_cancelled
+    if is_cancelled:
+        assert seen == ["waypoint 1 of 2, round 1 of 2", 4.0]
+        assert result.reason == "waypoint 1 of 2, round 1 of 2 (1.00, 0.00): cancelled"
+    else:
+        assert [one for one in seen if isinstance(one, float)] == [4.0, 4.0]
+        assert (result.reason, result.time_s, result.path_length_m) == ("at the goal", 30.0, 6.0)
