@@ -15,6 +15,7 @@ from thumper.gps.local_plane import EastNorth, LatLon, LocalPlane
 from thumper.gps.options import GpsOptions
 from thumper.maps.map_server_io import load_datum, save_map
 from thumper.navigation.goal import Goal
+from thumper.ros.codec import Message
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive.tasks import drive_to_goal
 from thumper_hil.bench import simulation
@@ -64,11 +65,27 @@ def test_a_new_map_knows_its_place_on_earth(tmp_path: Path) -> None:
         board=f"sim://survey/board?{IN_THE_EAST_SHED}&gps=rtk&gps_Hz=5",
         lidar="sim://survey/lidar",
     )
+    published_m: list[tuple[float, ...]] = []
+
+    def keep(topic: str, _time_s: float, message: Message) -> None:
+        if topic == "gps_odom":
+            at = message.pose.pose.position
+            seen = robot.inputs.estimator.state()
+            assert seen is not None
+            antenna = seen.map_from_base @ config.gps.base_from_antenna
+            published_m.append((at.x - antenna.x_m, at.y - antenna.y_m, message.pose.covariance[0]))
+
     with open_robot(config, None) as robot:
+        robot.publisher.add_sink(keep)
         while simulation("survey").time_s < 13.0:  # until the ambiguities are resolved
             robot.step()
+        assert not published_m  # the map's direction on Earth is not known before the robot moves
         assert robot.run(drive_to_goal(Goal(x_m=2.5, y_m=0.0))).reached
         datum = robot.inputs.estimator.map_datum()
+    assert len(published_m) > 5
+    for dx_m, dy_m, variance_m2 in published_m[-5:]:
+        assert math.hypot(dx_m, dy_m) < 0.2
+        assert 0.0 < variance_m2 < 0.05**2
     assert datum is not None
     origin = LocalPlane(DATUM).to_earth(EastNorth(start.x_m, start.y_m))
     assert math.hypot(*LocalPlane(origin).to_plane(LatLon(*datum[:2]))) < 0.15

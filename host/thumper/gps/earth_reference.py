@@ -53,6 +53,13 @@ class EarthReference:
         at = self._datum.to_map(LatLon(fix.latitude_deg, fix.longitude_deg))
         return (*at, math.hypot(fix.std_m, lever_m))
 
+    def in_map(self, fix: Fix) -> tuple[float, float] | None:
+        """Return x and y of a fix in the map [m]; None as long as the map's place on Earth is unknown."""
+        datum = self.map_datum()
+        if datum is None or fix.status is FixStatus.NONE:
+            return None
+        return datum.to_map(LatLon(fix.latitude_deg, fix.longitude_deg))
+
     @property
     def enu_from_map(self) -> Pose2 | None:
         """The map in the plane of the filter; None as long as its direction is unknown."""

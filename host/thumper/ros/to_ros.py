@@ -96,6 +96,25 @@ class Messages:
             position_covariance_type=DIAGONAL_KNOWN if fix.status is not FixStatus.NONE else UNKNOWN_TYPE,
         )
 
+    def fix_in_map(self, fix: Fix, x_m: float, y_m: float) -> Message:
+        """Build an Odometry of the antenna in the map; only its position is known.
+
+        The variance of x and y is that of the fix along its worse axis.
+        """
+        return message(
+            "nav_msgs/msg/Odometry",
+            header=self.header(fix.time_s, MAP),
+            child_frame_id=GPS,
+            pose=_pose_with_covariance(
+                Pose2(x_m=x_m, y_m=y_m), np.diag([fix.std_m**2, fix.std_m**2, UNKNOWN])
+            ),
+            twist=message(
+                "geometry_msgs/msg/TwistWithCovariance",
+                twist=_twist(Twist2()),
+                covariance=np.zeros(36),
+            ),
+        )
+
     def image(self, frame: CameraFrame) -> Message:
         """Build a CompressedImage, in the camera's optical frame."""
         return message(

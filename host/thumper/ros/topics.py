@@ -37,6 +37,7 @@ TOPICS: Mapping[str, Topic] = MappingProxyType(
         "scan": _out("sensor_msgs/msg/LaserScan"),
         "imu": _out("sensor_msgs/msg/Imu"),
         "gps": _out("sensor_msgs/msg/NavSatFix"),
+        "gps_odom": _out("nav_msgs/msg/Odometry"),
         "camera": _out("sensor_msgs/msg/CompressedImage"),
         "camera_info": _out("sensor_msgs/msg/CameraInfo", latched=True),
         "odom": _out("nav_msgs/msg/Odometry"),

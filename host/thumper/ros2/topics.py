@@ -25,6 +25,7 @@ OUT: Mapping[str, RosTopic] = MappingProxyType(  # by the topic of the bus, whos
         "scan": RosTopic(name="scan", qos=SENSOR_DATA),
         "imu": RosTopic(name="imu/data", qos=SENSOR_DATA),
         "gps": RosTopic(name="gps/fix", qos=SENSOR_DATA),
+        "gps_odom": RosTopic(name="odometry/gps"),  # the name of robot_localization
         "camera": RosTopic(name="camera/image_raw/compressed", qos=SENSOR_DATA),
         "camera_info": RosTopic(name="camera/camera_info", qos=LATCHED),
         "odom": RosTopic(name="odom"),

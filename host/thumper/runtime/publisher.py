@@ -11,6 +11,8 @@ from thumper.board.fault_texts import FAULT_HINTS
 from thumper.board.messages import Fault
 from thumper.camera.options import CameraOptions
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.gps.earth_reference import EarthReference
+from thumper.gps.fix import Fix
 from thumper.maps.annotations import Annotations
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.navigator import NavigationOutput
@@ -113,6 +115,8 @@ class Publisher:
         for feed in inputs.feeds:  # before the wheels, as the state estimator gets them
             for sample in feed.to_publish():
                 self._send(feed.kind.name, sample.time_s, feed.kind.message(self.messages, sample))
+                if isinstance(sample, Fix):
+                    self._publish_in_map(sample, inputs.estimator.earth)
         for sample in inputs.samples:
             self._send("wheels", sample.time_s, self.messages.wheels(sample))
         for scan in inputs.scans:
@@ -142,6 +146,11 @@ class Publisher:
         """Publish zones and places for viewers."""
         now_s = self._now_s()
         self._send("markers", now_s, markers(self.messages, now_s, annotations))
+
+    def _publish_in_map(self, fix: Fix, earth: EarthReference | None) -> None:
+        at_m = None if earth is None else earth.in_map(fix)
+        if at_m is not None:
+            self._send("gps_odom", fix.time_s, self.messages.fix_in_map(fix, *at_m))
 
     def _publish_pose(self, inputs: SensorInputs, state: RobotState) -> None:
         time_s, estimator = state.time_s, inputs.estimator
