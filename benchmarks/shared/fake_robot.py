@@ -3,6 +3,7 @@
 It drives in a circle in a room of 4 x 3 m, so that every layer of the map has data, and keeps every request.
 """
 
+import io
 import json
 import math
 import threading
@@ -13,12 +14,16 @@ from typing import Any
 
 import numpy as np
 from benchmarks.shared.telemetry import telemetry_sample
+from PIL import Image
 
 from thumper.board.board import TelemetrySample
 from thumper.board.messages import PARAMETERS, Fault, State
 from thumper.bus.server import BusServer
+from thumper.camera.frame import CameraFrame
 from thumper.common.geometry import Pose2, Twist2
 from thumper.config.bus import BusOptions
+from thumper.gps.fix import Fix, FixStatus
+from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
 from thumper.maps.annotations import Annotations, parse_feature
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -63,6 +68,7 @@ class FakeRobot:
     period_s: float = PERIOD_S
     lidar_scans: int = 567
     experiment: str = ""  # the one that runs
+    has_sensors: bool = False  # a BNO08x, a GPS receiver and a camera
     annotations: Annotations = field(default_factory=Annotations)
 
     def __post_init__(self) -> None:
@@ -90,7 +96,7 @@ class FakeRobot:
         if self.annotations:
             self._annotate(Annotations())
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
-        self.simulated_faults, self.experiment = {}, ""
+        self.simulated_faults, self.experiment, self.has_sensors = {}, "", False
         self.parameters = {spec.name: spec.default for spec in PARAMETERS}
 
     def received_of(self, kind: type[Any]) -> list[Any]:
@@ -225,7 +231,31 @@ class FakeRobot:
             self._send("local_plan", messages.path(now_s, path[:6] + 0.03))
         if cycle % 10 == 0:
             self._send("map", messages.grid(now_s, self._grid))
+        if self.has_sensors:
+            self._publish_sensors(now_s, pose)
         self._send("status", messages.status(self._status(now_s, pose)))
+
+    def _publish_sensors(self, now_s: float, pose: Pose2) -> None:
+        fix = Fix(
+            time_s=now_s,
+            status=FixStatus.RTK,
+            latitude_deg=48.2625018,
+            longitude_deg=11.6681078,
+            altitude_m=525.9,
+            variances_m2=(0.0004, 0.0001, 0.0009),
+        )
+        imu = ImuSample(
+            time_s=now_s,
+            yaw_rate_rad_s=0.25,
+            roll_rad=0.0,
+            pitch_rad=0.1,
+            yaw_rad=1.0,
+            acceleration_m_s2=(-0.04, 0.2, 9.8),
+        )
+        self._send("imu", self._messages.imu(imu))
+        self._send("gps", self._messages.fix(fix))
+        self._send("gps_odom", self._messages.fix_in_map(fix, pose.x_m + 0.1, pose.y_m))
+        self._send("camera", self._messages.image(CameraFrame(time_s=now_s, jpeg=_jpeg())))
 
     def _telemetry(self, now_s: float, cycle: int) -> TelemetrySample:
         goal_mrad_s = 3000 if cycle % 80 < 50 else 0
@@ -284,6 +314,12 @@ class FakeRobot:
 
     def _send(self, topic: str, message: Any) -> None:
         self._bus.publish(topic, time.time(), message)
+
+
+def _jpeg() -> bytes:
+    content = io.BytesIO()
+    Image.new("RGB", (64, 48), (30, 120, 60)).save(content, "JPEG")
+    return content.getvalue()
 
 
 def _room() -> OccupancyGrid:

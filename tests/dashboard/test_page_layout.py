@@ -46,7 +46,7 @@ def test_map_has_legend_and_mouse_position(page: Page) -> None:
     page.click("[data-tool=layers]")
     swatches = page.locator(".tp-layers label i")
     colours = swatches.evaluate_all("all => all.map((one) => getComputedStyle(one).backgroundColor)")
-    assert len(set(colours)) == len(colours) == 9
+    assert len(set(colours)) == len(colours) == 10
     assert "rgba(0, 0, 0, 0)" not in colours
     page.keyboard.press("Escape")
     x, y = page.evaluate("""() => {

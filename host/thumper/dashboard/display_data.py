@@ -15,10 +15,20 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.dashboard.binary_packet import grid_png
 from thumper.dashboard.pose_history import PoseHistory
+from thumper.gps.fix import FixStatus
 from thumper.maps.annotations import annotations_of
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.codec import Message
-from thumper.ros.from_ros import grid_of, pose_of, scan_of, stamp_ns_of, status_of, telemetry_of
+from thumper.ros.from_ros import (
+    fix_of,
+    frame_of,
+    grid_of,
+    pose_of,
+    scan_of,
+    stamp_ns_of,
+    status_of,
+    telemetry_of,
+)
 
 INTEGRAL_STEPS_PER_PWM = 64.0
 LOG_LEVELS = {10: "debug", 20: "info", 30: "warning", 40: "error", 50: "error"}  # rcl_interfaces/Log
@@ -81,7 +91,7 @@ def wheel_row(message: Message) -> Row:
 
 
 def board(message: Message) -> dict[str, Any]:
-    """Return battery, state, fault and counts of a thumper_msgs/Wheels."""
+    """Return battery, state, fault, counts and gyroscope of a thumper_msgs/Wheels."""
     t: Telemetry = telemetry_of(message).telemetry
     return {
         "battery_V": t.battery_mV / 1000.0,
@@ -89,6 +99,8 @@ def board(message: Message) -> dict[str, Any]:
         "state": t.state.name,
         "fault": t.fault.name,
         "counts": [t.left_count, t.right_count],
+        "gyroscope": t.gyroscope.name,
+        "gyro_heading_rad": _rounded(t.heading * 2.0 * math.pi / 65536.0),
     }
 
 
@@ -96,6 +108,48 @@ def status(message: Message) -> dict[str, Any]:
     """Return a thumper_msgs/Status as a dictionary, with None for NaN, which JSON does not have."""
     fields = asdict(status_of(message))
     return {name: _json_number(value) for name, value in fields.items() if name != "time_s"}
+
+
+def imu(message: Message) -> dict[str, Any]:
+    """Return turn rate [rad/s], roll and pitch [rad] and acceleration [m/s^2] of an Imu; None: not measured.
+
+    As in ROS, the first element of a covariance is -1 if the device does not measure the quantity.
+    """
+    values: dict[str, Any] = {"yaw_rate_rad_s": _rounded(message.angular_velocity.z)}
+    if message.orientation_covariance[0] >= 0.0:
+        q = message.orientation
+        values["roll_rad"] = _rounded(math.atan2(2 * (q.w * q.x + q.y * q.z), 1 - 2 * (q.x**2 + q.y**2)))
+        values["pitch_rad"] = _rounded(math.asin(max(-1.0, min(1.0, 2 * (q.w * q.y - q.z * q.x)))))
+    if message.linear_acceleration_covariance[0] >= 0.0:
+        a = message.linear_acceleration
+        values["acceleration_m_s2"] = [_rounded(a.x), _rounded(a.y), _rounded(a.z)]
+    return values
+
+
+def gps(message: Message) -> dict[str, Any]:
+    """Return kind of fix, accuracy [m], latitude, longitude [degrees] and altitude [m] of a NavSatFix."""
+    fix = fix_of(message)
+    if fix.status is FixStatus.NONE:
+        return {"fix": "no fix"}
+    return {
+        "fix": fix.status.name,
+        "std_m": _rounded(fix.std_m),
+        "latitude_deg": round(fix.latitude_deg, 8),
+        "longitude_deg": round(fix.longitude_deg, 8),
+        "altitude_m": _rounded(fix.altitude_m),
+    }
+
+
+def gps_in_map(message: Message) -> list[float | None]:
+    """Return x, y and the standard deviation [m] of a position by GPS, an Odometry."""
+    at = message.pose.pose.position
+    return [_rounded(at.x), _rounded(at.y), _rounded(math.sqrt(message.pose.covariance[0]))]
+
+
+def camera(message: Message) -> tuple[dict[str, Any], bytes]:
+    """Return time [s] and JPEG of a CompressedImage."""
+    frame = frame_of(message)
+    return {"time_s": round(frame.time_s, 3)}, frame.jpeg
 
 
 def annotations(message: Message) -> dict[str, Any]:
@@ -125,7 +179,10 @@ def _side(setpoint_mrad_s: int, speed_mrad_s: int, pwm: int, integral: int, curr
     )
 
 
+def _rounded(value: float) -> float | None:
+    """Round for the header; None if it is not finite, which JSON does not have."""
+    return round(float(value), 4) if math.isfinite(value) else None
+
+
 def _json_number(value: Any) -> Any:
-    if isinstance(value, float):
-        return round(float(value), 4) if math.isfinite(value) else None
-    return value
+    return _rounded(value) if isinstance(value, float) else value

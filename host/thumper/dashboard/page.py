@@ -1,6 +1,7 @@
 """Layout of the page. `static/` fills the live parts; the forms are NiceGUI's."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from html import escape
@@ -30,6 +31,25 @@ READOUTS = (
     ("rtt", "Page to server", "round-trip time of this page's heartbeat"),
     ("pages", "Open pages", "pages connected now"),
     ("operator", "Operator", "page that controls the robot, which stops if its heartbeats end"),
+)
+
+GPS_READOUTS = (
+    ("gps_fix", "Fix", "kind of fix and standard deviation"),
+    ("gps_age", "Age", "time since the newest message"),
+    ("gps_altitude", "Altitude", "above the ellipsoid of WGS 84"),
+    ("gps_latitude", "Latitude", "of the antenna, WGS 84"),
+    ("gps_longitude", "Longitude", "of the antenna, WGS 84"),
+)
+IMU_READOUTS = (
+    ("imu_rate", "Turn rate", "about the vertical, counter-clockwise positive"),
+    ("imu_roll", "Roll", "right side down is positive"),
+    ("imu_pitch", "Pitch", "front down is positive"),
+    ("imu_age", "Age", "time since the newest sample"),
+    ("imu_acceleration", "Acceleration x, y, z", "with gravity, in m/s²"),
+)
+GYROSCOPE_READOUTS = (
+    ("gyro_state", "State", "of the gyroscope on the board"),
+    ("gyro_heading", "Heading", "by the gyroscope alone; it wraps"),
 )
 
 
@@ -73,6 +93,7 @@ def _header(options: PageOptions, dark: ui.dark_mode) -> None:
         _field("robot", options.robot).classes("tp-robot")
         with box("tp-chips"):
             _chip("battery_full", "battery", "Battery").classes("tp-battery")
+            _chip("satellite_alt", "gps_fix", "Fix and accuracy of the GPS").classes("tp-of-gps")
             _chip("memory", "board_state", "Motor board").classes("tp-board")
             _chip("lan", "rtt", "Round-trip time of this page").classes("tp-wide")
         with button("tp-record", {"data-record": ""}, "Start or stop the recording"):
@@ -133,7 +154,13 @@ def _tabs(robot: QueryClient) -> None:
         with ui.tab_panel("log"):
             Widget("log").classes("tp-log")
         with ui.tab_panel("system"):
-            _readouts()
+            with box("tp-of-gps"):
+                _readouts("GPS", GPS_READOUTS)
+            with box("tp-of-imu"):
+                _readouts("IMU", IMU_READOUTS)
+            with box("tp-of-gyroscope"):
+                _readouts("Gyroscope on the board", GYROSCOPE_READOUTS)
+            _readouts("Links and control loop", READOUTS)
 
 
 def _drive_panel() -> None:
@@ -149,6 +176,10 @@ def _drive_panel() -> None:
             inline("<span>Take control</span>")
     inline('<h2 class="tp-drivetitle">Manual driving</h2>')
     Widget("drive").classes("tp-drive")
+    with box("tp-camera tp-of-camera"):
+        inline("<h2>Camera</h2>")
+        Widget("camera").classes("tp-frame")
+        _field("camera_age")
     ui.html(
         "<p>Hold the joystick to drive, release it to stop; it has priority over any goal. Gamepad: hold LB "
         "to drive, RB is turbo, B stops, Start arms. If this page is hidden, frozen or closed, the motion "
@@ -157,9 +188,10 @@ def _drive_panel() -> None:
     ).classes("tp-hint")
 
 
-def _readouts() -> None:
+def _readouts(heading: str, readouts: Sequence[tuple[str, str, str]]) -> None:
+    inline(f"<h2>{heading}</h2>")
     with box("tp-figures"):
-        for name, title, description in READOUTS:
+        for name, title, description in readouts:
             with box("tp-figure").props(f'title="{description}"'):
                 inline(f"<small>{title}</small>")
                 _field(name)

@@ -23,7 +23,11 @@ from thumper.ros.from_ros import path_of, poses_of
 GRIDS = ("map", "local_costmap")
 # The status last: a page that shows the robot has all other topics already.
 PATHS = ("plan", "local_plan")
-TOPICS = ("pose", "annotations", *GRIDS, "scan", *PATHS, "particles", "wheels", "events", "status")
+SENSORS = ("imu", "gps", "camera")  # of some robots
+TOPICS = (
+    *("pose", "annotations", *GRIDS, "scan", *PATHS, "particles"),
+    *(*SENSORS, "gps_odom", "wheels", "events", "status"),
+)
 GRID_PERIOD_S = 0.5  # a grid is sent at most this often
 MAX_WHEEL_ROWS = 600  # one minute at 10 Hz, so that a new page has charts at once
 MAX_EVENTS = 50
@@ -49,6 +53,7 @@ class PageState:
         self._rows: deque[display_data.Row] = deque(maxlen=MAX_WHEEL_ROWS)
         self._lines: deque[dict[str, Any]] = deque(maxlen=MAX_EVENTS)
         self._grid_sent_s: dict[str, float] = {}
+        self._sensor_s: dict[str, float] = {}  # when each sensor last sent
         self._sequence = 0
 
     def on_message(self, topic: str, message: Message) -> None:
@@ -117,6 +122,10 @@ class PageState:
         elif name in GRIDS:
             values[name], arrays[name] = display_data.grid_data(message)
             self._grid_sent_s[name] = self._clock()
+        elif name in SENSORS:
+            self._convert_sensor(name, message, values, arrays)
+        elif name == "gps_odom":
+            values[name] = display_data.gps_in_map(message)
         elif name == "annotations":
             values[name] = display_data.annotations(message)
         elif name in PATHS:
@@ -127,6 +136,17 @@ class PageState:
             arrays[name] = display_data.scan_points(message, self._base_from_laser, self._track)
         elif name == "status":
             values[name] = display_data.status(message)
+            if values[name]["lidar_scans"] < self._values.get("status", values[name])["lidar_scans"]:
+                self._sensor_s.clear()  # the robot restarted, perhaps without them
+
+    def _convert_sensor(
+        self, name: str, message: Message, values: dict[str, Any], arrays: dict[str, PacketArray]
+    ) -> None:
+        if name == "camera":
+            values[name], arrays[name] = display_data.camera(message)
+        else:
+            values[name] = display_data.imu(message) if name == "imu" else display_data.gps(message)
+        self._sensor_s[name] = self._clock()
 
     def _try(self, convert: Callable[..., None], *arguments: Any) -> None:
         """Convert a message and skip it if it is invalid: it must not stop the pages."""
@@ -143,7 +163,8 @@ class PageState:
     ) -> bytes:
         # Rows stay in the header: float32 is too coarse for their time stamps.
         tables = {name: table for name, table in (("wheels", rows), ("events", lines)) if table}
-        head = {"t": time.time(), "n": self._sequence, "silent_s": self.silent_s()}
+        ages_s = {name: round(self._clock() - at_s, 1) for name, at_s in self._sensor_s.items()}
+        head = {"t": time.time(), "n": self._sequence, "silent_s": self.silent_s(), "sensor_age_s": ages_s}
         return encode_packet({**head, **values, **tables, **extra}, arrays)
 
     def _is_due(self, name: str) -> bool:

@@ -1,5 +1,6 @@
 // Entry point: the page's own widgets by name. `widget.js` mounts each of them.
 
+import { camera } from "./camera.js";
 import { charts } from "./charts.js";
 import { startCommands } from "./commands.js";
 import { drive } from "./drive.js";
@@ -14,7 +15,7 @@ import { startShortcuts } from "./shortcuts.js";
 import { startStream, state } from "./stream.js";
 import { tune } from "./tune.js";
 
-export const widgets = { charts, drive, library, log, map, places, tune };
+export const widgets = { camera, charts, drive, library, log, map, places, tune };
 
 let started = false;
 

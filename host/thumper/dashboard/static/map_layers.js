@@ -11,6 +11,7 @@ export const LAYERS = [
   ["local_plan", "Local plan", "local-plan"],
   ["trail", "Trail", "trail"],
   ["annotations", "Zones and places", "keepout"],
+  ["gps", "GPS", "gps"],
   ["scan", "Scan", "scan"],
   ["footprint", "Robot", "robot-edge"],
 ];
@@ -47,7 +48,7 @@ export function costPalette() {
 }
 
 // Colour a grid's PNG. Return the canvas (row 0 at the bottom) and the bounds of the known cells.
-export async function gridImage({ info, png }, palette) {
+export async function gridImage({ info, image: png }, palette) {
   const bitmap = await createImageBitmap(new Blob([png], { type: "image/png" }), {
     colorSpaceConversion: "none", // the pixels are data, not colours
   });
@@ -159,6 +160,18 @@ export function drawLine(context, camera, points, name, width, dash = []) {
   for (let k = 0; k + 1 < points.length; k += 2) context.lineTo(...camera.toScreen(points[k], points[k + 1]));
   context.stroke();
   context.setLineDash([]);
+}
+
+// Positions by GPS, x, y, x, y, ... [m], and the standard deviation of the newest one [m].
+export function drawGps(context, camera, points, std_m) {
+  if (points.length < 2) return;
+  drawPoints(context, camera, points, "gps", 4);
+  const [px, py] = camera.toScreen(points.at(-2), points.at(-1));
+  context.strokeStyle = colour("gps");
+  context.lineWidth = 1.5;
+  context.beginPath();
+  context.arc(px, py, Math.max(4, std_m * camera.scale), 0, 2 * Math.PI);
+  context.stroke();
 }
 
 // `particles` is x, y, heading, ... [m, rad].

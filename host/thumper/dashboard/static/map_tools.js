@@ -79,6 +79,7 @@ export class MapTools {
     menu.hidden = true;
     for (const [name, text, colourName] of LAYERS) {
       const label = menu.appendChild(document.createElement("label"));
+      if (name === "gps") label.className = "tp-of-gps";
       const checkbox = label.appendChild(document.createElement("input"));
       checkbox.type = "checkbox";
       checkbox.checked = true;

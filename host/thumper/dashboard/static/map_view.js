@@ -17,7 +17,8 @@ class MapView {
     this.canvas = root.appendChild(document.createElement("canvas"));
     this.canvas.setAttribute("aria-label", "map");
     this.context = this.canvas.getContext("2d");
-    this.data = { scan: [], plan: [], local_plan: [], particles: [], trail: [] };
+    this.data = { scan: [], plan: [], local_plan: [], particles: [], trail: [], gps: [] };
+    this.gpsStd_m = 0;
     this.grids = {}; // as drawn
     this.receivedGrids = {};
     this.pose = null;
@@ -34,13 +35,14 @@ class MapView {
     for (const name of ["map", "local_costmap"]) on(name, (grid) => this.setGrid(name, grid));
     on("pose", (pose) => this.update(() => this.setPose(pose)));
     on("status", ({ lidar_scans }) => this.update(() => {
-      if (lidar_scans < this.scanCount) this.data.trail = []; // the count fell: the robot restarted with a new map
+      if (lidar_scans < this.scanCount) this.clearTracks(); // the count fell: the robot restarted with a new map
       this.scanCount = lidar_scans;
     }));
     on("annotations", () => this.update(() => {}));
+    on("gps_odom", (at) => this.update(() => this.addGps(at)));
     on("trail", (points) => this.update(() => { this.data.trail = [...points]; }));
     on("playback", (name) => this.update(() => this.clear(name)));
-    on("opened", () => this.update(() => { this.data.trail = []; }));
+    on("opened", () => this.update(() => this.clearTracks()));
     this.resize();
     const frame = () => {
       if (this.dirty && this.canvas.isConnected) this.draw();
@@ -77,11 +79,24 @@ class MapView {
     if (this.follow) [this.camera.x, this.camera.y] = pose;
   }
 
+  clearTracks() {
+    this.data.trail = [];
+    this.data.gps = [];
+  }
+
+  // Take a position by GPS in the map: x, y and its standard deviation [m].
+  addGps([x, y, std_m]) {
+    this.data.gps.push(x, y);
+    if (this.data.gps.length > 2 * MAX_TRAIL_POINTS) this.data.gps.splice(0, 2);
+    this.gpsStd_m = std_m;
+  }
+
   // Before a playback, after a jump in it and after its end: forget all; keep the robot's trail for the end.
   clear(recording) {
-    this.liveTrail ??= this.data.trail;
-    this.data = { scan: [], plan: [], local_plan: [], particles: [], trail: recording ? [] : this.liveTrail };
-    if (!recording) this.liveTrail = null;
+    this.live ??= { trail: this.data.trail, gps: this.data.gps };
+    const tracks = recording ? { trail: [], gps: [] } : this.live;
+    this.data = { scan: [], plan: [], local_plan: [], particles: [], ...tracks };
+    if (!recording) this.live = null;
     this.grids = {};
     this.receivedGrids = {};
     this.pose = null;
@@ -129,6 +144,7 @@ class MapView {
     if (visible.annotations) drawAnnotations(context, camera);
     layers.drawRuler(context, camera);
     if (visible.trail) layers.drawLine(context, camera, data.trail, "trail", 2);
+    if (visible.gps) layers.drawGps(context, camera, data.gps, this.gpsStd_m);
     if (visible.particles) layers.drawParticles(context, camera, data.particles);
     const status = state.shown.status;
     if (status?.has_goal) { // without a goal, the last plan is outdated

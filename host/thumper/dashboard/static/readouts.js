@@ -5,17 +5,48 @@ import { on, state } from "./stream.js";
 const LINK_LOST_S = 1.5; // without a message from the robot for this long, its link counts as lost
 const NO_VALUE = "–";
 const EXPERIMENTS = { identify: "identifying motors", tune: "tuning wheels" };
+const SENSORS = ["camera", "gps", "imu"]; // of some robots; their parts of the page are hidden without them
+const SENSOR_SILENT_S = 3; // a sensor that sent nothing for this long has no current value
+
+const SENSOR_FIELDS = {
+  gps_fix: ({ gps, sensor_age_s }) => gpsText(gps, sensor_age_s?.gps),
+  gps_latitude: ({ gps }) => formatPlace(gps?.latitude_deg),
+  gps_longitude: ({ gps }) => formatPlace(gps?.longitude_deg),
+  gps_altitude: ({ gps }) => formatMetres(gps?.altitude_m),
+  gps_age: ({ sensor_age_s }) => formatSeconds(sensor_age_s?.gps),
+  imu_rate: ({ imu }) => formatDegrees(imu?.yaw_rate_rad_s, "°/s"),
+  imu_roll: ({ imu }) => formatDegrees(imu?.roll_rad, "°"),
+  imu_pitch: ({ imu }) => formatDegrees(imu?.pitch_rad, "°"),
+  imu_acceleration: ({ imu }) => (imu?.acceleration_m_s2
+    ? imu.acceleration_m_s2.map((part) => (isMissing(part) ? NO_VALUE : fixed(part, 1))).join(", ") : NO_VALUE),
+  imu_age: ({ sensor_age_s }) => formatSeconds(sensor_age_s?.imu),
+  camera_age: ({ sensor_age_s }) => (sensor_age_s?.camera > SENSOR_SILENT_S
+    ? `no frame for ${sensor_age_s.camera.toFixed(0)} s` : ""),
+};
 
 // What a playback shows of the recording.
-const DRAWN = new Set(["mode", "reason", "distance", "pose", "heading"]);
+const DRAWN = new Set(["mode", "reason", "distance", "pose", "heading", ...Object.keys(SENSOR_FIELDS)]);
 
 const isMissing = (value) => value === null || value === undefined;
+const fixed = (value, digits) => value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1"); // no "-0.0"
 const formatVolts = (volts) => (isMissing(volts) ? NO_VALUE : `${volts.toFixed(2)} V`);
 const formatMetres = (metres) => (isMissing(metres) ? NO_VALUE : `${metres.toFixed(2)} m`);
 const formatMs = (seconds) => (isMissing(seconds) ? NO_VALUE : `${(1000 * seconds).toFixed(0)} ms`);
 const formatCount = (count) => (isMissing(count) ? NO_VALUE : count.toLocaleString("en-US").replaceAll(",", " "));
 
+const formatPlace = (degrees) => (isMissing(degrees) ? NO_VALUE : `${degrees.toFixed(7)}°`);
+const formatSeconds = (seconds) => (isMissing(seconds) ? NO_VALUE : `${seconds.toFixed(1)} s`);
+const formatDegrees = (radians, unit, digits = 1) => (
+  isMissing(radians) ? NO_VALUE : `${fixed((radians * 180) / Math.PI, digits)}${unit}`);
+
+// RTK 0.02 m
+function gpsText(gps, age_s) {
+  if (!gps || age_s > SENSOR_SILENT_S) return "no data";
+  return isMissing(gps.std_m) ? gps.fix : `${gps.fix} ${gps.std_m.toFixed(2)} m`;
+}
+
 const FIELDS = {
+  ...SENSOR_FIELDS,
   robot: ({ status }) => status?.robot ?? "",
   // An experiment drives the board past the drive manager, whose mode stays idle meanwhile.
   mode: ({ status, experiment }) => (experiment?.running
@@ -24,8 +55,8 @@ const FIELDS = {
   board_state: ({ board, status }) => formatName(board?.state ?? status?.board_state),
   battery: ({ board }) => formatVolts(board?.battery_V),
   distance: ({ status }) => (status?.has_goal ? formatMetres(status.distance_to_goal_m) : NO_VALUE),
-  pose: ({ pose }) => (pose ? `${pose[0].toFixed(2)}, ${pose[1].toFixed(2)} m` : NO_VALUE),
-  heading: ({ pose }) => (pose ? `${Math.round((pose[2] * 180) / Math.PI)}°` : NO_VALUE),
+  pose: ({ pose }) => (pose ? `${fixed(pose[0], 2)}, ${fixed(pose[1], 2)} m` : NO_VALUE),
+  heading: ({ pose }) => formatDegrees(pose?.[2], "°", 0),
   loop_late: ({ status }) => formatMs(status?.loop_late_s),
   loop_busy: ({ status }) => formatMs(status?.loop_busy_s),
   telemetry_age: ({ status }) => formatMs(status?.telemetry_age_s),
@@ -37,6 +68,8 @@ const FIELDS = {
   lidar_errors: ({ status }) => formatCount(status?.lidar_errors),
   lidar_restarts: ({ status }) => formatCount(status?.lidar_restarts),
   counts: ({ board }) => (board ? board.counts.join(" / ") : NO_VALUE),
+  gyro_state: ({ board }) => formatName(board?.gyroscope),
+  gyro_heading: ({ board }) => formatDegrees(board?.gyro_heading_rad, "°"),
   pages: ({ pages }) => formatCount(pages),
   rtt: () => (state.rttMs === null ? NO_VALUE : `${state.rttMs.toFixed(0)} ms`),
   recorded: ({ recording_s }) => formatDuration(recording_s),
@@ -85,6 +118,8 @@ function refresh() {
   }
   const flags = document.body.dataset; // the style sheet reads these
   const status = values.status ?? {};
+  for (const name of SENSORS) flags[name] = name in (state.shown.sensor_age_s ?? {});
+  flags.gyroscope = (values.board?.gyroscope ?? "OFF") !== "OFF";
   flags.link = kind === "lost" ? "lost" : "up";
   flags.simulated = Boolean(status.simulated);
   flags.recording = Boolean(status.recording);

@@ -7,7 +7,8 @@ const MAX_PENDING_HEARTBEATS = 50;
 const MAX_EVENTS = 100; // kept for the log, which exists only after its tab was opened
 
 // What a playback shows of the recording instead of the robot. All else stays live.
-const DRAWN = new Set(["annotations", "local_costmap", "local_plan", "map", "particles", "plan", "pose", "scan", "status", "trail", "wheels"]);
+const DRAWN = new Set(["annotations", "camera", "gps", "gps_odom", "imu", "local_costmap", "local_plan", "map", "particles",
+  "plan", "pose", "scan", "sensor_age_s", "status", "trail", "wheels"]);
 const MAX_ROWS = 1200;
 
 // Event name -> listeners. An event is a key of a packet, `packet`, `snapshot`, `connected`, `opened`, `playback`
@@ -62,7 +63,7 @@ export function decode(buffer) {
 function valuesOf({ header, arrays }) {
   const values = { ...header };
   for (const [name, array] of Object.entries(arrays)) {
-    values[name] = name in header ? { info: header[name], png: array } : array;
+    values[name] = name in header ? { info: header[name], image: array } : array;
   }
   return values;
 }
