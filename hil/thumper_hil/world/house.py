@@ -1,7 +1,8 @@
 """Random furnished houses for campaigns: rooms with doors, furniture, glass, sills and people, by seed.
 
 `World.load("house-17")` is house number 17. `house_mission(17)` adds a start and a goal that a robot with a
-circumscribed radius of 0.26 m can reach without touching anything.
+circumscribed radius of 0.26 m can reach without touching anything. It starts with free floor ahead, as a user
+would place it: the lidar has not seen what is behind it, so it can neither turn in place nor back up there.
 """
 
 import math
@@ -28,6 +29,7 @@ CLEARANCE_M = 0.32
 """Start, goal and the way between them keep this distance from everything: the doors are 0.8 m wide."""
 
 MIN_DISTANCE_M = 2.5
+AHEAD_M, AHEAD_RAD = 0.9, 0.5  # free in front of the start, and to each side of that direction
 ATTEMPTS = 50
 SURFACES = (Surface.MATT, Surface.DARK, Surface.SHINY)
 
@@ -78,14 +80,24 @@ def _attempt(rng: np.random.Generator) -> HouseMission | None:
         start_m, goal_m = free[rng.integers(len(free), size=2)]
         if rooms.room_of(start_m) != rooms.room_of(goal_m) and math.dist(start_m, goal_m) > MIN_DISTANCE_M:
             start_m, goal_m = (np.round(point_m, 3) for point_m in (start_m, goal_m))
-            heading_rad = float(rng.uniform(-math.pi, math.pi))
-            start = Pose2(x_m=float(start_m[0]), y_m=float(start_m[1]), theta_rad=heading_rad)
+            start = _start(world, start_m, rng)
+            if start is None:
+                continue
             walkers = _people(world, free, start_m, rng)
             return HouseMission(
                 world=World.from_shapes(shapes, walkers),
                 start=start,
                 goal_m=(float(goal_m[0]), float(goal_m[1])),
             )
+    return None
+
+
+def _start(world: World, start_m: FloatArray, rng: np.random.Generator) -> Pose2 | None:
+    """Return the start with a random heading that has free floor ahead, None if the draws find none."""
+    spread_rad = np.linspace(-AHEAD_RAD, AHEAD_RAD, 21)
+    for heading_rad in rng.uniform(-math.pi, math.pi, ATTEMPTS):
+        if world.cast(start_m[0], start_m[1], heading_rad + spread_rad).min() > AHEAD_M:
+            return Pose2(x_m=float(start_m[0]), y_m=float(start_m[1]), theta_rad=float(heading_rad))
     return None
 
 

@@ -8,7 +8,7 @@ import pytest
 from thumper.common.geometry import Pose2
 from thumper_hil.bench.collision import FOOTPRINT_M
 from thumper_hil.effects.surfaces import Surface
-from thumper_hil.world.house import MIN_DISTANCE_M, house_mission, house_number
+from thumper_hil.world.house import AHEAD_M, MIN_DISTANCE_M, house_mission, house_number
 from thumper_hil.world.load_world import load_world
 from thumper_hil.world.start_pose import invalid_start_reason
 
@@ -34,6 +34,14 @@ def test_start_and_goal_are_free_in_any_heading(number: int) -> None:
         goal = Pose2(x_m=x_m, y_m=y_m, theta_rad=float(yaw_rad))
         assert mission.world.clearance_m(goal, FOOTPRINT_M) > 0.02
     assert math.dist((mission.start.x_m, mission.start.y_m), mission.goal_m) > MIN_DISTANCE_M
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_the_robot_starts_with_free_floor_ahead(number: int) -> None:
+    mission = house_mission(number)
+    start = mission.start
+    ahead_rad = start.theta_rad + np.linspace(-0.5, 0.5, 11)
+    assert mission.world.cast(start.x_m, start.y_m, ahead_rad).min() > AHEAD_M
 
 
 def test_houses_have_everything_that_is_hard() -> None:
