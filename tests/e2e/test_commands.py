@@ -45,6 +45,17 @@ def test_goto_waits_for_arrival(thumper: Run, bus: str) -> None:
     assert "\nmode     mapping\n" in thumper("status", "--bus", bus).stdout
 
 
+def test_without_a_datum_a_goal_on_earth_is_refused_in_one_line(thumper: Run, bus: str) -> None:
+    done = thumper("goto", "--gps", "-33.8568", "151.2153", "--bus", bus)
+    assert done.returncode == 1
+    (line,) = done.stderr.strip().splitlines()
+    assert line.endswith(
+        "the map has no place on Earth: it needs a datum in its YAML, which a run with [gps] saves"
+    )
+    assert thumper("goto", "1.2", "--gps", "48.0", "11.0", "--bus", bus).returncode == 2
+    assert thumper("goto", "--bus", bus).returncode == 2
+
+
 def test_gains_for_a_running_robot_need_a_drive_that_shows_its_wheels(
     thumper: Run, bus: str, tmp_path: Path
 ) -> None:

@@ -6,9 +6,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from tests.e2e.service import Service
 from thumper.cli.app import build_app
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
+from thumper.config.recording import RecordingOptions
 from thumper.config.robot import RobotConfig, with_ports
 from thumper.gps.earth_reference import MapDatum
 from thumper.gps.local_plane import EastNorth, LatLon, LocalPlane
@@ -18,6 +20,7 @@ from thumper.navigation.goal import Goal
 from thumper.ros.codec import Message
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive.tasks import drive_to_goal
+from thumper.runtime.requests import RobotCommand
 from thumper_hil.bench import simulation
 from thumper_hil.sensors.gnss_receiver import DATUM
 from thumper_hil.world.world import World
@@ -56,6 +59,25 @@ def test_without_a_datum_a_goal_on_earth_is_refused(tmp_path: Path) -> None:
     assert isinstance(done.exception, ThumperError)
     assert done.exception.exit_code == 2
     assert "--goal-gps needs a --map whose YAML has a datum" in str(done.exception)
+
+
+def test_a_running_robot_without_a_receiver_drives_to_a_place_on_earth(tmp_path: Path) -> None:
+    save_map(World.load("lab").to_grid(), tmp_path / "other.yaml", MapDatum(-33.0, 151.0, 0.0))
+    config = RobotConfig(recording=RecordingOptions(folder=str(tmp_path)))
+    config = with_ports(config, board="sim://blind/board?world=lab", lidar="sim://blind/lidar")
+    with open_robot(
+        config, Pose2(), World.load("lab").to_grid(), datum=MapDatum(*DATUM, math.pi / 2)
+    ) as robot:
+        service = Service(robot, simulation("blind"))
+        robot.wait_for_map()
+        at_m = LocalPlane(DATUM).to_earth(EastNorth(0.0, 0.5))._asdict()  # half a metre north: along x
+        service.ask("mission/send", {**at_m, "tolerance_m": 0.05})
+        service.until(lambda: service.ask("mission/state")["state"] == "reached", max_cycles=100)
+        assert math.dist(service.bench.truth()[-1, 1:3], (0.5, 0.0)) < 0.1
+        service.put(RobotCommand(name="cancel"))
+        service.until(lambda: service.mode == "idle")
+        assert service.ask("library/load", {"name": "other"})["ok"]
+        assert "farther than 1000 m" in service.ask("mission/send", at_m)["error"]
 
 
 def test_a_new_map_knows_its_place_on_earth(tmp_path: Path) -> None:

@@ -26,10 +26,16 @@ def _number(text: str) -> float:
 
 
 def goto(
-    x: Annotated[str, typer.Argument(metavar="X|PLACE", help="X in the map [m], or the name of a place.")],
+    x: Annotated[
+        str, typer.Argument(metavar="X|PLACE", help="X in the map [m], or the name of a place.")
+    ] = "",
     y: Annotated[float | None, typer.Argument(help="Y in the map [m].", parser=_number)] = None,
     yaw: Annotated[
         float | None, typer.Argument(help="Heading at the goal [degrees from x].", parser=_number)
+    ] = None,
+    gps: Annotated[
+        tuple[float, float] | None,
+        typer.Option("--gps", metavar="LAT LON", help="Goal on Earth, in degrees, instead of X Y."),
     ] = None,
     tolerance: GoalTolerance = 0.1,
     wait: Annotated[bool, typer.Option(help="Wait until the drive ends.")] = True,
@@ -42,13 +48,17 @@ def goto(
 
     Exits with 1 if the goal is rejected or not reached.
 
-    Example: `thumper goto 1.5 -0.5 90`, `thumper goto kitchen`
+    Example: `thumper goto 1.5 -0.5 90`, `thumper goto kitchen`, `thumper goto --gps 48.26243 11.66810`
     """
-    from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
+    from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
     from thumper.ros import services
     from thumper.ros.services import RunCommand, SendMission
 
-    if y is None and not x.startswith("-") and not _is_number(x):
+    if gps is not None:
+        goal = _on_earth(gps, tolerance, is_alone=not x)
+    elif not x:
+        raise ThumperError("pass a goal: X Y, the name of a place, or --gps LAT LON", exit_code=EXIT_USAGE)
+    elif y is None and not x.startswith("-") and not _is_number(x):
         goal = SendMission(place=x, tolerance_m=tolerance)
     else:
         goal = _position(_number(x), y, yaw, tolerance)
@@ -69,6 +79,19 @@ def goto(
     if state.state != "reached":
         raise ThumperError(f"goal not reached: {state.reason}")
     print(f"reached: {state.reason}")
+
+
+def _on_earth(place: tuple[float, float], tolerance_m: float, *, is_alone: bool) -> "SendMission":
+    """Return the request to drive to a place on Earth; raise ThumperError if there is another goal, too."""
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.ros.services import SendMission
+
+    if not is_alone:
+        raise ThumperError("--gps is the goal: leave out X, Y and PLACE", exit_code=EXIT_USAGE)
+    if not all(map(math.isfinite, place)):
+        raise ThumperError("--gps takes latitude and longitude in degrees", exit_code=EXIT_USAGE)
+    latitude_deg, longitude_deg = place
+    return SendMission(latitude_deg=latitude_deg, longitude_deg=longitude_deg, tolerance_m=tolerance_m)
 
 
 def _is_number(text: str) -> bool:

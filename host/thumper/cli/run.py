@@ -209,7 +209,7 @@ def _place_of(
     from thumper.maps.map_server_io import load_datum
 
     place = LatLon(*goal_gps)
-    if not (abs(place.latitude_deg) <= 90.0 and abs(place.longitude_deg) <= 180.0):
+    if not place.is_valid:
         raise ThumperError("--goal-gps takes latitude and longitude in degrees", exit_code=EXIT_USAGE)
     if goal is not None:
         raise ThumperError("--goal and --goal-gps are both goals: pass only one", exit_code=EXIT_USAGE)

@@ -33,6 +33,10 @@ class EarthReference:
     def __init__(self, options: GpsOptions, datum: MapDatum | None = None) -> None:
         """`datum` is that of a loaded map."""
         self._base_from_antenna = options.base_from_antenna
+        self.restart(datum)
+
+    def restart(self, datum: MapDatum | None) -> None:
+        """Start again in another map."""
         place = None if datum is None else LatLon(datum.latitude_deg, datum.longitude_deg)
         self.filter = NavsatFilter(self._base_from_antenna, place)
         self._datum = datum

@@ -21,6 +21,14 @@ class LatLon(NamedTuple):
     latitude_deg: float
     longitude_deg: float
 
+    @property
+    def is_valid(self) -> bool:
+        """Whether it is a place on Earth."""
+        return abs(self.latitude_deg) <= 90.0 and abs(self.longitude_deg) <= 180.0
+
+    def __str__(self) -> str:
+        return f"{self.latitude_deg:.6f} {self.longitude_deg:.6f}"
+
 
 class EastNorth(NamedTuple):
     """A point of the plane, from its datum [m]."""

@@ -43,6 +43,8 @@ class SendMission:
     yaw_rad: Annotated[float | None, "else any heading will do"] = None
     tolerance_m: Annotated[float | None, "0.02 ... 1"] = None
     place: Annotated[str | None, "name of a place, instead of `x_m`, `y_m` and `yaw_rad`"] = None
+    latitude_deg: Annotated[float | None, "with `longitude_deg` instead of `x_m` and `y_m`"] = None
+    longitude_deg: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -106,7 +106,7 @@ def open_robot(
         elif known is not None:
             mapper.localize_in(known, map_from_base)
         saving = _Saving(path=map_path, annotations=annotations or Annotations(), opened=opened)
-        earth = EarthReference(config.gps, datum) if config.gps.enabled else None
+        earth = EarthReference(config.gps, datum)
         robot = _wire(config, board, lidar, tuple(feeds), mapper, saving, earth=earth)
         if known is not None and map_from_base is None and datum is not None:
             wait_for_fix(robot)
@@ -144,7 +144,7 @@ def _wire(
     mapper: SlamModeSwitch,
     saving: _Saving,
     *,
-    earth: EarthReference | None,
+    earth: EarthReference,
 ) -> RobotLoop:
     """Build the parts of the robot and the loop that runs them."""
     estimator = StateEstimator(

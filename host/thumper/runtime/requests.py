@@ -8,19 +8,28 @@ from typing import Any
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, Twist2
+from thumper.gps.earth_reference import MapDatum
+from thumper.gps.local_plane import LatLon
 from thumper.maps.annotations import Annotations
 from thumper.navigation.goal import Goal, check_place
 
 MAX_WAYPOINTS = 200
 MAX_LEGS = 2000  # of all rounds
 MAX_WAIT_S = 3600.0  # at a waypoint
+EARTH = ("latitude_deg", "longitude_deg")
+NO_DATUM = "the map has no place on Earth: it needs a datum in its YAML, which a run with [gps] saves"
 
 
-def parse_goal(content: Mapping[str, Any], annotations: Annotations | None = None) -> Goal:
+def parse_goal(
+    content: Mapping[str, Any], annotations: Annotations | None = None, datum: MapDatum | None = None
+) -> Goal:
     """Return the goal in `content`: x_m, y_m and optionally yaw_rad and tolerance_m, all of them numbers.
 
-    Instead of x_m, y_m and yaw_rad it may have the name of a place of `annotations`.
+    Instead of x_m, y_m and yaw_rad it may have the name of a place of `annotations`. Instead of x_m and y_m
+    it may have latitude_deg and longitude_deg if the map has a `datum`.
     """
+    if "latitude_deg" in content or "longitude_deg" in content:
+        content = _in_map(content, datum)
     if "place" in content:
         content = dict(content)
         place = (annotations or Annotations()).place(str(content.pop("place")))
@@ -49,8 +58,21 @@ def parse_goal(content: Mapping[str, Any], annotations: Annotations | None = Non
     )
 
 
+def _in_map(content: Mapping[str, Any], datum: MapDatum | None) -> dict[str, Any]:
+    """Return a goal on Earth with x_m and y_m; raise ThumperError if the map has no place on Earth."""
+    numbers = [content.get(name) for name in EARTH]
+    place = LatLon(*(float(value) if isinstance(value, int | float) else math.nan for value in numbers))
+    if {"x_m", "y_m", "place"} & set(content) or not place.is_valid:
+        raise ThumperError("a goal on Earth has latitude_deg, -90...90, and longitude_deg, -180...180")
+    if datum is None:
+        raise ThumperError(NO_DATUM)
+    x_m, y_m = datum.to_map(place)
+    check_place(f"the place {place} on Earth", x_m, y_m)
+    return {name: value for name, value in content.items() if name not in EARTH} | {"x_m": x_m, "y_m": y_m}
+
+
 def parse_goals(
-    content: Mapping[str, Any], annotations: Annotations
+    content: Mapping[str, Any], annotations: Annotations, datum: MapDatum | None = None
 ) -> tuple[tuple[Goal, ...], tuple[float, ...], int]:
     """Return the goals of `content`, how long to wait at each [s], and its rounds, by default one.
 
@@ -70,7 +92,7 @@ def parse_goals(
         raise ThumperError(f"choose 1 to {most} rounds over {len(goals)} goals")
     waits_s = tuple(parse_wait(goal.get("wait_s", 0.0)) for goal in goals)
     places = ({name: value for name, value in goal.items() if name != "wait_s"} for goal in goals)
-    return tuple(parse_goal(place, annotations) for place in places), waits_s, rounds
+    return tuple(parse_goal(place, annotations, datum) for place in places), waits_s, rounds
 
 
 def parse_wait(wait_s: object) -> float:

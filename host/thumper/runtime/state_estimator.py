@@ -152,6 +152,11 @@ class StateEstimator:
         """Return the place of the map on Earth; None if no GPS has found it."""
         return None if self.earth is None else self.earth.map_datum()
 
+    def change_datum(self, datum: MapDatum | None) -> None:
+        """Take the place on Earth of a map that was loaded now; None if it is unknown."""
+        if self.earth is not None:
+            self.earth.restart(datum)
+
     @property
     def map_from_odom(self) -> Pose2:
         """The correction of the odometry: by the mapper, and by GPS where no scan could be matched."""

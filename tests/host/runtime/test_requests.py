@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from thumper.common.errors import ThumperError
+from thumper.gps.earth_reference import MapDatum
 from thumper.maps.annotations import Annotations, SavedPlace
 from thumper.navigation.goal import Goal
 from thumper.runtime.requests import LogMessage, TeleopSource, parse_goal, parse_goals
@@ -51,6 +52,29 @@ def test_tolerance_has_limits(tolerance_m: float, *, good: bool) -> None:
 def test_far_goal_is_refused() -> None:
     with pytest.raises(ThumperError, match="farther"):
         parse_goal({"x_m": 1e4, "y_m": 0.0})
+
+
+def test_a_place_on_earth_is_a_goal_in_a_map_with_a_datum() -> None:
+    datum = MapDatum(48.0, 11.0, math.pi / 2)  # x points north
+    there = {"latitude_deg": 48.0001, "longitude_deg": 11.0, "tolerance_m": 0.3}
+    goal = parse_goal(there, datum=datum)
+    assert (goal.x_m, goal.y_m) == pytest.approx((11.12, 0.0), abs=0.01)  # 111.19 km per degree at 48 degrees
+    assert goal.tolerance_m == 0.3
+    assert parse_goals({"goals": [there]}, SAVED, datum)[0] == (goal,)
+    with pytest.raises(ThumperError, match="the map has no place on Earth: it needs a datum"):
+        parse_goal(there)
+    with pytest.raises(
+        ThumperError, match=r"the place 48\.100000 11\.000000 on Earth .* is farther than 1000 m"
+    ):
+        parse_goal({**there, "latitude_deg": 48.1}, datum=datum)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"latitude_deg": 91.0}, {"longitude_deg": "11"}, {"longitude_deg": math.nan}, {"x_m": 1.0}]
+)
+def test_a_wrong_place_on_earth_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ThumperError, match="a goal on Earth has latitude_deg"):
+        parse_goal({"latitude_deg": 48.0, "longitude_deg": 11.0} | wrong, datum=MapDatum(48.0, 11.0, 0.0))
 
 
 SOFA, DOOR = SavedPlace(name="sofa", x_m=1.0, y_m=2.0, yaw_rad=0.5), SavedPlace(name="door", x_m=3.0, y_m=0.0)

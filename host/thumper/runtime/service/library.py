@@ -6,7 +6,7 @@ from pathlib import Path
 from thumper.common.errors import ThumperError
 from thumper.maps.annotations import annotations_path, load_annotations
 from thumper.maps.library import delete_item, list_maps, list_recordings, map_files, map_path, rename_item
-from thumper.maps.map_server_io import load_map
+from thumper.maps.map_server_io import load_datum, load_map
 from thumper.ros.services import Empty, LibraryContent, LibraryItem, NamedMap, RenameItem, Text
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.service.map_annotations import MapAnnotations
@@ -71,7 +71,9 @@ class MapLibrary:
         if not isinstance(mapper, SlamModeSwitch):
             raise ThumperError("this robot's mapper cannot localize in a saved map")
         grid, annotations = load_map(path), load_annotations(annotations_path(path))
+        datum = load_datum(path)
         mapper.localize_in(grid, None)
+        self._estimator.change_datum(datum)
         self._annotations.replace(annotations)
         self._loaded = path
         return self._say(f"loaded map {request.name!r}; the robot searches it for its pose")

@@ -270,11 +270,14 @@ class RequestHandler:
         return reply
 
     def _send_mission(self, request: SendMission, source: str) -> MissionStarted:
-        goal = parse_goal(request_content(request), self.annotations.value)
+        goal = parse_goal(
+            request_content(request), self.annotations.value, self._inputs.estimator.map_datum()
+        )
         return MissionStarted(mission=self._missions.start((goal,), source))
 
     def _follow_mission(self, content: Mapping[str, Any], source: str) -> MissionStarted:
-        goals, waits_s, rounds = parse_goals(content, self.annotations.value)
+        datum = self._inputs.estimator.map_datum()
+        goals, waits_s, rounds = parse_goals(content, self.annotations.value, datum)
         return MissionStarted(mission=self._missions.start(goals, source, rounds=rounds, waits_s=waits_s))
 
     def _run_command(self, request: RunCommand, source: str) -> Text:
