@@ -337,6 +337,16 @@ def test_too_high_a_voltage_is_noticed_with_any_pack(core: ctypes.CDLL, cells: i
     assert host.status()[:2] == (m.State.FAULT, m.Fault.HIGH_BATTERY)
 
 
+@pytest.mark.parametrize("cells", range(1, 8))
+def test_the_highest_voltage_of_a_pack_is_no_fault(core: ctypes.CDLL, cells: int) -> None:
+    limit_mV = min(4500 * cells, 30_000)
+    for reading_mV, fault in ((limit_mV, m.Fault.NONE), (limit_mV + 1, m.Fault.HIGH_BATTERY)):
+        host = HostInterface(core, battery_mV=0)
+        host.set("battery_cells", cells)
+        core.host_battery(host.handle, reading_mV)
+        assert host.status()[1] is fault
+
+
 def test_ticks_without_telemetry_are_counted(core: ctypes.CDLL) -> None:
     host = HostInterface(core)
     for dropped, total in ((0, 0), (3, 3), (200, 203), (255, 458)):
