@@ -26,6 +26,12 @@ def test_explores_and_comes_back(service: Service) -> None:
     assert service.bench.contacts == 0
 
 
+def test_an_exploration_ends_the_mission_before_it(service: Service) -> None:
+    service.ask("mission/send", {"x_m": FAR.x_m, "y_m": FAR.y_m})
+    service.put(RobotCommand(name="explore"))
+    assert service.ask("mission/state")["state"] == "failed"
+
+
 def test_a_cancelled_exploration_stays_cancelled(service: Service) -> None:
     service.put(RobotCommand(name="explore"))
     service.run_cycles(20)

@@ -20,6 +20,7 @@ class DockOptions:
     staging_m: Annotated[float, Ge(0.3)] = 0.70  # from there back to where the approach starts
     speed_m_s: Annotated[float, Gt(0), Le(0.2)] = 0.08  # of the approach
     retries: Annotated[int, Ge(0)] = 3  # after an approach that ended beside the dock
+    low_battery_V: Annotated[float, Ge(0)] = 0.0  # below it for 5 s, a mission ends at dock or home; 0: never
     charger_V: Annotated[float, Ge(0)] = 0.0  # rise of the battery's voltage at the contacts; 0: not checked
 
     @property

@@ -299,7 +299,7 @@ class Robot:
 
     def _docking(self) -> "Docking":
         docking = self._loop.request_handler.docking
-        if docking is None:
+        if not docking.is_possible:
             raise ThumperError("dock: there is no camera; set [camera] enabled = true", exit_code=EXIT_USAGE)
         return docking
 

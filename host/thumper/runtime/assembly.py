@@ -217,18 +217,16 @@ def _wire(
     )
 
 
-def _docking(config: RobotConfig, inputs: SensorInputs, annotations: MapAnnotations) -> Docking | None:
-    """Return what docks the robot; None without a camera."""
+def _docking(config: RobotConfig, inputs: SensorInputs, annotations: MapAnnotations) -> Docking:
+    """Return what docks the robot; it needs a camera."""
     feed = next((feed for feed in inputs.feeds if feed.kind is CAMERA), None)
-    if feed is None:
-        return None
     return Docking(
         options=config.dock,
         inputs=inputs,
         tracker=TagTracker(config.dock.tag, config.dock.tag_size_m, config.camera),
         limits=config.navigation.limits,
         monitor=collision_monitor(config),
-        newest_frames=lambda: feed.samples,
+        newest_frames=None if feed is None else lambda: feed.samples,
         annotations=lambda: annotations.value,
     )
 

@@ -36,16 +36,24 @@ Step = Generator[AnyLeg, DriveResult, DriveResult]
 
 @dataclass(slots=True, kw_only=True)
 class Docking:
-    """Makes the tasks that dock and undock. `newest_frames` returns the camera's frames of this cycle."""
+    """Makes the tasks that dock and undock.
+
+    `newest_frames` returns the camera's frames of this cycle; None without a camera.
+    """
 
     options: DockOptions
     inputs: SensorInputs
     tracker: TagTracker
     limits: SpeedLimits
     monitor: CollisionMonitor
-    newest_frames: Callable[[], list[CameraFrame]]
+    newest_frames: Callable[[], list[CameraFrame]] | None
     annotations: Callable[[], Annotations]
     _known: Pose2 | None = field(default=None, init=False)  # map_from_docked, by the tag
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether the robot has a camera."""
+        return self.newest_frames is not None
 
     def dock(self) -> Task:
         """Dock, with retries; the reason of the result says how exactly, or why not."""
@@ -155,6 +163,7 @@ class Docking:
         return before_obstacles(by_newest_frames, self.monitor)  # type: ignore[arg-type]
 
     def _add_frames(self) -> None:
+        assert self.newest_frames is not None  # callers ask `is_possible`
         estimator = self.inputs.estimator
         for frame in self.newest_frames()[-1:]:
             odom_from_base = estimator.odom_from_base_at(frame.time_s)

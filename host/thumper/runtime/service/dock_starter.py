@@ -21,19 +21,25 @@ class DockStarter:
     def __init__(
         self,
         *,
-        docking: Docking | None,
+        docking: Docking,
         task_driver: TaskDriver,
         drive_manager: DriveManager,
         inputs: SensorInputs,
         publisher: Publisher,
         preconditions: Preconditions,
     ) -> None:
+        self.is_busy = False  # docks or undocks
         self._docking = docking
         self._task_driver = task_driver
         self._drive_manager = drive_manager
         self._inputs = inputs
         self._publisher = publisher
         self._preconditions = preconditions
+
+    @property
+    def is_possible(self) -> bool:
+        """Whether the robot has what it needs to dock."""
+        return self._docking.is_possible
 
     def dock(self, source: str) -> str:
         """Start to dock; raise ThumperError if that is impossible now."""
@@ -46,7 +52,7 @@ class DockStarter:
     def _start(self, name: str, task_of: Callable[[Docking], Task], source: str) -> str:
         self._preconditions.require_serving("docking")
         self._preconditions.require_no_experiment()
-        if self._docking is None:
+        if not self.is_possible:
             raise ThumperError("docking needs a camera: set [camera] enabled = true")
         if not self._inputs.has_map:
             raise ThumperError(f"cannot {name} yet: there is no map to plan with; is the lidar on?")
@@ -54,7 +60,7 @@ class DockStarter:
         return f"{name}ing"
 
     def _reported(self, name: str, task: Task) -> Task:
-        done = DONE[name]
+        done, self.is_busy = DONE[name], True
         try:
             result = yield from task
         except GeneratorExit:  # another task drives on
@@ -66,6 +72,8 @@ class DockStarter:
         except Exception as error:  # the motors must not stay on
             self._end(f"not {done}: internal error: {type(error).__name__}: {error}", WARN)
             raise
+        finally:
+            self.is_busy = False
         text = result.reason if result.reason.startswith(done) else f"{done}: {result.reason}"
         if not result.reached:
             text = f"not {done}: {result.reason}"

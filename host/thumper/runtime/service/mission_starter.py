@@ -60,7 +60,13 @@ class MissionStarter:
         )
 
     def _follow(self, waypoints: Waypoints, number: int) -> Task:
-        result = yield from follow_waypoints(waypoints, on_leg=lambda leg: self.missions.set_leg(number, leg))
+        try:
+            result = yield from follow_waypoints(
+                waypoints, on_leg=lambda leg: self.missions.set_leg(number, leg)
+            )
+        except GeneratorExit:  # replaced by a task that is no mission, such as docking
+            self.missions.end("replaced by another goal")
+            raise
         mission = self.missions.end(result.reason, reached=result.reached)
         if mission is not None:
             text = f"mission {mission.number} {mission.state.value}: {mission.reason}"

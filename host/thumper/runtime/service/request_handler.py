@@ -48,6 +48,7 @@ from thumper.runtime.service.dock_starter import DockStarter
 from thumper.runtime.service.experiments import Experiments
 from thumper.runtime.service.exploration_starter import ExplorationStarter
 from thumper.runtime.service.library import MapLibrary, MapStorage
+from thumper.runtime.service.low_battery import LowBattery
 from thumper.runtime.service.mission_starter import MissionStarter
 from thumper.runtime.service.preconditions import Preconditions
 from thumper.runtime.service.request_queue import RequestQueue
@@ -75,7 +76,7 @@ class RequestHandler:
         publisher: Publisher,
         simulator: Simulator | None,
         storage: MapStorage,
-        docking: Docking | None = None,
+        docking: Docking,
     ) -> None:
         self.simulation = SimulatorControl(simulator)
         self.experiments = Experiments(drive_manager.heartbeats)
@@ -110,6 +111,16 @@ class RequestHandler:
             inputs=inputs,
             publisher=publisher,
             preconditions=self._preconditions,
+        )
+        self._low_battery = LowBattery(
+            options=docking.options,
+            inputs=inputs,
+            drive_manager=drive_manager,
+            task_driver=task_driver,
+            publisher=publisher,
+            annotations=storage.annotations,
+            missions=self._missions,
+            docks=dock,
         )
         self._commands = Commands(
             drive_manager=drive_manager,
@@ -159,6 +170,8 @@ class RequestHandler:
                 self._publisher.publish_event(str(error), WARN)
             except Exception as error:  # a request must not end the robot's loop
                 self._publisher.publish_event(f"internal error: {type(error).__name__}: {error}", ERROR)
+        if self.accepts_goals:
+            self._low_battery.update()
 
     def refuse(self, reason: str) -> None:
         """Refuse all queued requests: none must be carried out long after it was sent.
