@@ -16,6 +16,8 @@ import tempfile
 import threading
 import time
 from collections import deque
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -99,7 +101,8 @@ class CrashTest:
             self._send_goal(client)
             time.sleep(1.0)
         self._mapping_since_s = time.time()  # before, the robot only looked for its pose: nothing to save
-        client.query("command", {"command": "cancel"})
+        with suppress(ThumperError):
+            client.query("command", {"command": "cancel"})
         until(self._is_at_rest)
         time.sleep(0.5)
         true, found = self._true[-1], poses[-1]
@@ -140,8 +143,8 @@ class CrashTest:
         """End the processes."""
         for process in (self._robot, self._sim):
             if process is not None and process.poll() is None:
-                process.send_signal(signal.SIGINT)
-                process.wait(30)
+                process.kill()  # in the background, SIGINT may be ignored
+                process.wait(10)
 
 
 def _connected(address: str) -> BusClient | None:
@@ -152,7 +155,15 @@ def _connected(address: str) -> BusClient | None:
 
 
 def _mapping(client: BusClient) -> services.MappingState:
-    return services.MAPPING_STATE.call(client, Empty())
+    state: services.MappingState = until(lambda: _mapping_now(client))
+    return state
+
+
+def _mapping_now(client: BusClient) -> services.MappingState | None:
+    try:
+        return services.MAPPING_STATE.call(client, Empty())
+    except ThumperError:
+        return None  # a busy computer: the robot opens its ports again
 
 
 def _pose(message: Message) -> Pose2:
@@ -164,9 +175,9 @@ def _pose(message: Message) -> Pose2:
     )
 
 
-def crashes(kills: int, seed: int, folder: Path) -> list[Restart]:
-    """Kill the robot so many times; return what each restart cost."""
-    restarts, test = list[Restart](), CrashTest(folder, seed)
+def crashes(kills: int, seed: int, folder: Path) -> Iterator[Restart]:
+    """Kill the robot so many times; yield what each restart cost."""
+    test = CrashTest(folder, seed)
     rng = np.random.default_rng(seed)
     try:
         client, poses = test.start()
@@ -178,11 +189,9 @@ def crashes(kills: int, seed: int, folder: Path) -> list[Restart]:
             error_m, error_rad = test.drive_until_found(client, poses)
             lost_s = test.kill(client, rng.uniform(0.0, 8.0))
             kept = len(walls & _grown(test.walls())) / len(walls)
-            restarts.append(Restart(lost_s=lost_s, error_m=error_m, error_rad=error_rad, kept=kept))
-            print(f"{len(restarts)}: {restarts[-1]}", flush=True)
+            yield Restart(lost_s=lost_s, error_m=error_m, error_rad=error_rad, kept=kept)
     finally:
         test.close()
-    return restarts
 
 
 def _grown(cells: set[tuple[int, int]]) -> set[tuple[int, int]]:
@@ -197,14 +206,30 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        restarts = crashes(arguments.kills, arguments.seed, Path(folder))
-    print(
-        f"{len(restarts)} kills: at most {max(each.lost_s for each in restarts):.1f} s lost, "
-        f"pose within {max(each.error_m for each in restarts):.3f} m, "
-        f"at least {min(each.kept for each in restarts):.1%} of the walls kept"
-    )
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    restarts = list[Restart]()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            for restart in crashes(arguments.kills, arguments.seed, Path(folder)):
+                restarts.append(restart)
+                print(f"{len(restarts)}: {restart}", flush=True)
+    finally:  # an hour's figures survive Ctrl-C and a restart that failed
+        print(figures(restarts))
     return int(not all(is_good(each) for each in restarts))
+
+
+def figures(restarts: list[Restart]) -> str:
+    """Return the worst and the median of each cost in one line."""
+    if not restarts:
+        return "no restart"
+    lost_s, errors_m, errors_rad, kept = np.array(
+        [(each.lost_s, each.error_m, each.error_rad, each.kept) for each in restarts]
+    ).T
+    return (
+        f"{len(restarts)} kills: {max(lost_s):.1f} s lost at most (median {np.median(lost_s):.1f}), "
+        f"pose within {max(errors_m):.3f} m and {math.degrees(max(errors_rad)):.1f} deg "
+        f"(median {np.median(errors_m):.3f} m), at least {min(kept):.1%} of the walls kept"
+    )
 
 
 def is_good(restart: Restart) -> bool:

@@ -3,7 +3,7 @@
 import json
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,18 +12,29 @@ from typing import Any
 import numpy as np
 from benchmarks.shared.recorded_run import RUN, cycles
 from benchmarks.shared.rooms import room_scan
+from scipy.io import savemat
 
 from tests.hil.campaign.samples import FILE as CAMPAIGN
 from tests.hil.campaign.samples import row
 from thumper.cli.plan_queries import read_queries
 from thumper.common.geometry import Pose2, Twist2
 from thumper.config.robot import load_config
-from thumper.maps.map_server_io import load_map, load_rotated_map, save_map
+from thumper.dashboard.playback import part_of
+from thumper.maps.annotations import (
+    Annotations,
+    SavedPlace,
+    Zone,
+    ZoneKind,
+    load_annotations,
+    save_annotations,
+)
+from thumper.maps.map_server_io import load_datum, load_map, load_rotated_map, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.filters import load_mask
 from thumper.offline.open_log import open_log
 from thumper.recording.reader import Recording
 from thumper.recording.recorder import Recorder
+from thumper.recording.repair import repair
 from thumper.slam.factory import MappingOptions, make_mapper
 from thumper.slam.saved_state import SavedSlamState, load_session, save_session
 from thumper_hil.campaign.result_table import RowStore
@@ -77,6 +88,21 @@ def read_recording(path: Path) -> object:
     return recording
 
 
+def read_map(path: Path) -> object:
+    return load_rotated_map(path), load_datum(path)
+
+
+def read_part(path: Path) -> object:
+    return list(part_of(path, 0.5, 10.0))
+
+
+def read_to_repair(path: Path) -> object:
+    with TemporaryDirectory() as folder:
+        copy = Path(folder) / path.name
+        copy.symlink_to(path) if not path.is_file() else shutil.copy(path, copy)
+        return repair(copy)
+
+
 def read_rows(path: Path) -> object:
     with RowStore(path.parent, "digest") as store:
         return store.rows
@@ -91,11 +117,15 @@ def written(write: Callable[[Path], Any], name: str) -> bytes:
         return path.read_bytes()
 
 
-def write_recording(folder: Path) -> None:
+def write_recording(folder: Path, count: int = 12) -> None:
     recorder = Recorder(folder, RUN)
-    for topic, now_s, message in cycles(12):
+    for topic, now_s, message in cycles(count):
         recorder(topic, now_s, message)
     recorder.close()
+
+
+def write_drive(folder: Path) -> None:
+    write_recording(folder, 40)
 
 
 def write_session(folder: Path) -> None:
@@ -112,6 +142,23 @@ def write_rows(folder: Path) -> None:
 
 def write_grid(folder: Path) -> object:
     return save_map(GRID, folder / "map.yaml")
+
+
+def write_annotations(folder: Path) -> object:
+    zones = [
+        Zone(name="stairs", kind=kind, vertices_m=((0.0, 0.0), (1.5, 0.0), (1.5, 2.0)), speed_percent=40)
+        for kind in ZoneKind
+    ]
+    annotations = Annotations(places=(SavedPlace(name="dock", x_m=1.0, y_m=-2.5, yaw_rad=0.5),))
+    for number, zone in enumerate(zones):
+        annotations = annotations.with_item(replace(zone, name=f"{zone.name} {number}"))
+    return save_annotations(annotations, folder / "map.geojson")
+
+
+def write_matlab(folder: Path) -> None:
+    time_s = 0.1 * np.arange(40)
+    columns = {"time_s": time_s, "pwm": 100.0 * (np.arange(40) % 2), "counts": 7.0 * np.arange(40)}
+    savemat(folder / "a.mat", columns, do_compression=True)
 
 
 def copy_worlds(folder: Path) -> None:
@@ -187,7 +234,7 @@ def readers() -> Iterator[Reader]:
         read=RobotParams.load,
         contents=lambda: [WILD_THUMPER.read_bytes()],
     )
-    yield Reader(name="map", file="map.yaml", read=load_rotated_map, contents=texts(YAML), beside=write_grid)
+    yield Reader(name="map", file="map.yaml", read=read_map, contents=texts(YAML), beside=write_grid)
     yield Reader(
         name="mask",
         file="map.yaml",
@@ -219,7 +266,31 @@ def readers() -> Iterator[Reader]:
         read=read_recording,
         contents=lambda: [written(write_recording, "*.mcap")],
     )
+    yield Reader(
+        name="playback", file="a.mcap", read=read_part, contents=lambda: [written(write_recording, "*.mcap")]
+    )
+    yield Reader(
+        name="repair",
+        file="a.mcap",
+        read=read_to_repair,
+        contents=lambda: [written(write_recording, "*.mcap")],
+    )
+    yield Reader(
+        name="annotations",
+        file="map.geojson",
+        read=load_annotations,
+        contents=lambda: [written(write_annotations, "map.geojson")],
+    )
     yield Reader(name="motor_log", file="a.csv", read=read_logs, contents=texts(MOTOR))
+    yield Reader(
+        name="matlab", file="a.mat", read=read_logs, contents=lambda: [written(write_matlab, "a.mat")]
+    )
+    yield Reader(
+        name="motor_mcap",
+        file="a.mcap",
+        read=read_logs,
+        contents=lambda: [written(write_drive, "*.mcap")],
+    )
     yield Reader(name="sysid", file="a.json", read=read_logs, contents=texts(SYSID))
     yield Reader(name="gains", file="gains.json", read=read_gains_file, contents=texts(GAINS))
     yield Reader(

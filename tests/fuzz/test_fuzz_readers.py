@@ -1,6 +1,7 @@
 """No content of a file makes a reader fail with anything but one line that names the file.
 
-`THUMPER_FUZZ_S=600 pytest tests/fuzz` searches longer, from another seed each time.
+`THUMPER_FUZZ_S=600 pytest tests/fuzz` searches longer, from another seed each time. An input that fails is
+kept in `corpus/`.
 """
 
 import os
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.fuzz.corpus import kept, kept_if_it_fails
 from tests.fuzz.mutate import mutated, with_valid_checksum
 from tests.fuzz.readers import Reader, readers
 from thumper.common.errors import ThumperError
@@ -42,8 +44,18 @@ def test_a_changed_file_is_read_or_refused_in_one_line(reader: Reader, tmp_path:
         content = mutated(rng.choice(contents), rng)
         if reader.name == "session" and rng.random() < 0.8:
             content = with_valid_checksum(content)
-        path.write_bytes(content)
-        start_s = time.monotonic()
+        check(reader, path, content)
+
+
+def test_kept_inputs_are_read_or_refused_in_one_line(reader: Reader, tmp_path: Path) -> None:
+    for content in kept(reader.name):
+        check(reader, tmp_path / reader.file, content)
+
+
+def check(reader: Reader, path: Path, content: bytes) -> None:
+    path.write_bytes(content)
+    start_s = time.monotonic()
+    with kept_if_it_fails(reader.name, content):
         try:
             reader.read(path)
         except ThumperError as error:

@@ -3,33 +3,56 @@
 import gzip
 import json
 import os
+import resource
+import struct
 import threading
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
+import lz4.frame  # type: ignore[import-untyped]
 import pytest
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Header, Schema, Statistics
 
 from tests.fuzz.mutate import with_valid_checksum
-from tests.fuzz.readers import YAML, Reader, readers, write_grid
+from tests.fuzz.readers import YAML, Reader, read_part, read_recording, readers, write_grid
 from thumper.common.errors import ThumperError
 from thumper.config.robot import load_config
 from thumper.maps.map_server_io import load_map
-from thumper.offline.open_log import open_log
+from thumper.offline.open_log import MCAP_MAGIC, open_log
+from thumper.recording.repair import repair
 from thumper.slam.saved_state import load_session
 from thumper_hil.campaign.spec import load_campaign
 from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.world.world import World
+from thumper_tuning.logs.read import read_logs
 
+MEMORY_BYTES = 1_000_000_000
 READ_S = 30.0  # on a busy machine; a reader that waits on a pipe never ends
 
 
+@contextmanager
+def memory_limited() -> Iterator[None]:
+    """Let the process allocate no more than `MEMORY_BYTES`."""
+    used_bytes = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (used_bytes + MEMORY_BYTES, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
 def refused(read: Callable[[Path], object], path: Path) -> str:
-    """Return the error; fail if the reader does anything else, or waits."""
+    """Return the error; fail if the reader does anything else, waits, or needs much memory."""
     messages: list[str] = []
 
     def run() -> None:
-        with pytest.raises(ThumperError) as caught:
+        with memory_limited(), pytest.raises(ThumperError) as caught:
             read(path)
         messages.append(str(caught.value))
 
@@ -81,6 +104,20 @@ def test_an_image_of_false_size_is_refused(tmp_path: Path, size: str) -> None:
     refused(load_map, tmp_path / "map.yaml")
 
 
+def zlib_zeros() -> bytes:
+    """Return 4 GB of zeros in 4 MB."""
+    packer = zlib.compressobj(9, wbits=-15)
+    block = packer.compress(bytes(10_000_000)) + packer.flush(zlib.Z_FULL_FLUSH)
+    return b"\x78\xda" + 400 * block
+
+
+def test_a_matlab_file_that_unpacks_to_4_GB_is_refused(tmp_path: Path) -> None:
+    path, payload = tmp_path / "bomb.mat", zlib_zeros()
+    version = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    path.write_bytes(version + struct.pack("<II", 15, len(payload)) + payload)
+    assert "unpacks to more than" in refused(read_logs, path)
+
+
 def test_a_session_that_unpacks_to_4_GB_is_refused(tmp_path: Path) -> None:
     header = {
         "thumper_session": 2,
@@ -90,11 +127,8 @@ def test_a_session_that_unpacks_to_4_GB_is_refused(tmp_path: Path) -> None:
         "pose": None,
         "sha256": "",
     }
-    packer = zlib.compressobj(9, wbits=-15)
-    block = packer.compress(bytes(10_000_000)) + packer.flush(zlib.Z_FULL_FLUSH)
-    payload = b"\x78\xda" + 400 * block
     path = tmp_path / "bomb.session"
-    path.write_bytes(with_valid_checksum(json.dumps(header).encode() + b"\n" + payload))
+    path.write_bytes(with_valid_checksum(json.dumps(header).encode() + b"\n" + zlib_zeros()))
     assert "not a mapping session" in refused(lambda path: load_session(path, 0.05), path)
 
 
@@ -103,6 +137,106 @@ def test_a_log_that_unpacks_to_one_line_of_4_GB_is_refused(tmp_path: Path, start
     path = tmp_path / "bomb.log.gz"
     path.write_bytes(gzip.compress(start) + 400 * gzip.compress(b"1" * 10_000_000))
     refused(open_log, path)
+
+
+@cache
+def zeros(count: int, compression: str, start: bytes) -> bytes:
+    """Return the compressed form of so many zeros after the start."""
+    if compression == "lz4":
+        packed: bytes = lz4.frame.compress(start + bytes(count))
+        return packed
+    packer = zstandard.ZstdCompressor().compressobj(size=len(start) + count)
+    parts = [start, *((count // 1_000_000) * [bytes(1_000_000)])]
+    return b"".join((*map(packer.compress, parts), packer.flush()))
+
+
+def write_mcap(path: Path, chunks: int, unpacked: int, compression: str, *, records: bool = False) -> None:
+    """Write a file of such chunks, each with one record or with millions, and an index.
+
+    Each chunk says that it unpacks to a few bytes.
+    """
+    record = b"" if records else b"\x80" + unpacked.to_bytes(8, "little")
+    data, indexes = zeros(unpacked, compression, record), list[ChunkIndex]()
+    builder = RecordBuilder()
+    builder.write(MCAP_MAGIC)
+    Header(profile="ros2", library="bomb").write(builder)
+    for _ in range(chunks):
+        start = builder.count
+        Chunk(
+            compression=compression,
+            data=data,
+            message_start_time=0,
+            message_end_time=10,
+            uncompressed_crc=0,
+            uncompressed_size=100,
+        ).write(builder)
+        indexes.append(
+            ChunkIndex(
+                chunk_length=builder.count - start,
+                chunk_start_offset=start,
+                compression=compression,
+                compressed_size=len(data),
+                message_start_time=0,
+                message_end_time=10,
+                message_index_length=0,
+                message_index_offsets={1: 0},
+                uncompressed_size=100,
+            )
+        )
+    DataEnd(data_section_crc=0).write(builder)
+    summary_start = builder.count
+    Schema(id=1, name="std_msgs/msg/Empty", encoding="ros2msg", data=b"").write(builder)
+    Channel(id=1, topic="/pose", message_encoding="cdr", schema_id=1, metadata={}).write(builder)
+    for index in indexes:
+        index.write(builder)
+    Statistics(
+        attachment_count=0,
+        channel_count=1,
+        channel_message_counts={1: 1},
+        chunk_count=chunks,
+        message_count=1,
+        message_end_time=10,
+        message_start_time=0,
+        metadata_count=0,
+        schema_count=1,
+    ).write(builder)
+    Footer(summary_start=summary_start, summary_offset_start=0, summary_crc=0).write(builder)
+    builder.write(MCAP_MAGIC)
+    path.write_bytes(builder.end())
+
+
+@pytest.mark.parametrize(
+    "read", [read_recording, read_part, open_log, read_logs], ids=lambda read: read.__name__
+)
+@pytest.mark.parametrize(
+    ("chunks", "unpacked", "compression"),
+    [(1, 3_000_000_000, "zstd"), (1, 300_000_000, "lz4"), (40, 100_000_000, "zstd")],
+)
+def test_a_recording_that_unpacks_to_gigabytes_is_refused(
+    tmp_path: Path, read: Callable[[Path], object], chunks: int, unpacked: int, compression: str
+) -> None:
+    path = tmp_path / "bomb.mcap"
+    write_mcap(path, chunks, unpacked, compression)
+    assert path.stat().st_size < 5_000_000
+    assert "unpacks to more than" in refused(read, path)
+
+
+@pytest.mark.parametrize("read", [read_recording, read_part])
+def test_a_recording_that_unpacks_to_millions_of_records_is_refused(
+    tmp_path: Path, read: Callable[[Path], object]
+) -> None:
+    path = tmp_path / "bomb.mcap"
+    write_mcap(path, 40, 100_000_000, "zstd", records=True)
+    assert "unpacks to more records than" in refused(read, path)
+
+
+def test_a_recording_that_unpacks_to_gigabytes_is_not_repaired(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.mcap.part"
+    write_mcap(path, 1, 300_000_000, "zstd")
+    before = path.read_bytes()
+    assert "unpacks to more than" in refused(repair, path)
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize("read", [load_config, World.load, load_scenario, load_campaign])

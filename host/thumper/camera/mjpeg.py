@@ -7,13 +7,14 @@ The stream is multipart/x-mixed-replace, as mjpg-streamer sends it: each image h
 import re
 from collections.abc import Iterator
 
-from thumper.camera.frame import CameraFrame
+from thumper.camera.frame import CameraFrame, jpeg_shape
 from thumper.common.sensor import StreamSensor
 from thumper.common.serial_port import SerialPort
 
 HEADER_END = b"\r\n\r\n"
-HEADER = re.compile(rb"--\S+\r\nContent-Type: image/jpeg\r\nContent-Length: (\d+)\r\nX-Timestamp: ([\d.]+)")
-JPEG_START = b"\xff\xd8"
+HEADER = re.compile(
+    rb"--\S{1,70}\r\nContent-Type: image/jpeg\r\nContent-Length: (\d{1,9})\r\nX-Timestamp: ([\d.]{1,30})"
+)
 MAX_BYTES = 4_000_000  # of an image
 START_TIMEOUT_S = 2.5
 
@@ -40,8 +41,10 @@ class MjpegDecoder:
             if len(self._buffer) < start + length:
                 return
             image = bytes(self._buffer[start : start + length])
-            stamp_s = float(header[2])
-            if not image.startswith(JPEG_START):
+            try:
+                stamp_s = float(header[2])
+                jpeg_shape(image)
+            except ValueError:
                 self.bad += 1
                 del self._buffer[:start]  # the next header may be in what seemed to be the image
                 continue

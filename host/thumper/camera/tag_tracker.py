@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thumper.camera.frame import CameraFrame
+from thumper.camera.frame import CameraFrame, jpeg_shape
 from thumper.camera.options import CameraOptions
 from thumper.camera.tags import find_tags, planar_pose, tag_poses, undistorted
 from thumper.common.geometry import FloatArray, Pose2
@@ -49,10 +49,10 @@ class TagTracker:
     def add(self, frame: CameraFrame, odom_from_base: Pose2) -> None:
         """Add a frame taken at a pose."""
         try:
+            if jpeg_shape(frame.jpeg) != (self._camera.height_px, self._camera.width_px):
+                return  # a device that changed its mode
             grey = frame.grey()
         except ValueError:  # damaged
-            return
-        if grey.shape != (self._camera.height_px, self._camera.width_px):  # a device that changed its mode
             return
         found = [tag for tag in find_tags(grey) if tag.number == self._tag]
         if len(found) != 1:  # two tags of one number: which is the dock?

@@ -9,7 +9,7 @@ from collections import deque
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thumper.camera.frame import CameraFrame
+from thumper.camera.frame import CameraFrame, jpeg_shape
 from thumper.camera.options import CameraOptions
 from thumper.common.closable import Closable
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
@@ -105,9 +105,8 @@ class V4l2Camera(Closable):
                 return found[-1]
             if not self._thread.is_alive():
                 break
-        raise ThumperError(
-            f"no frames from the camera {self._name}; check its cable", exit_code=EXIT_NOT_THERE
-        )
+        sent = "no JPEG images" if self.counters.bad_replies else "no frames"
+        raise ThumperError(f"{sent} from the camera {self._name}; check its cable", exit_code=EXIT_NOT_THERE)
 
     def now_s(self) -> float:
         """Return the time [s] on the clock of the frames' stamps."""
@@ -133,6 +132,11 @@ class V4l2Camera(Closable):
             jpeg = bytes(image)
             if image.ndim == 3 and image.shape[2] == 3:  # this camera does not compress
                 jpeg = bytes(cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1])
+            try:
+                jpeg_shape(jpeg)
+            except ValueError:
+                self.counters.bad_replies += 1
+                continue
             self._frames.append(CameraFrame(time_s=stamp_s - self._latency_s, jpeg=jpeg))
             self._arrived.set()
         self._arrived.set()

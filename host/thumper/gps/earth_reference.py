@@ -44,7 +44,10 @@ class EarthReference:
 
     def add(self, fix: Fix, odom_at_fix: Pose2, map_from_odom: Pose2, *, aligns: bool) -> None:
         """Add a fix, with the odometry at its time; `aligns` if the map does not itself follow the GPS."""
+        plane = self.filter.plane
         seen = self.filter.correct(fix, odom_at_fix)
+        if self.filter.plane is not plane:
+            self._alignment = Alignment()
         if seen is not None and aligns:
             antenna = map_from_odom @ odom_at_fix @ self._base_from_antenna
             self._alignment.add(fix.time_s, antenna, seen, max(fix.std_m, MIN_STD_M) ** 2)

@@ -14,7 +14,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.gps.alignment import Alignment
 from thumper.gps.fix import Fix, FixStatus
-from thumper.gps.local_plane import EastNorth, LatLon, LocalPlane
+from thumper.gps.local_plane import MAX_DISTANCE_M, EastNorth, LatLon, LocalPlane
 
 START_STD_RAD = 0.2
 # Positions closer in time share most of their error, so together they weigh as one: minutes for reflections
@@ -25,6 +25,7 @@ GATE = 13.8  # chi-square with 2 degrees of freedom: 0.1 % of the true positions
 LOST_S = 20.0  # after rejecting everything for so long, the filter is wrong and not the GPS
 NOISE_PER_M = 0.02**2  # of the odometry, variance per metre along and across [m^2/m]
 TURN_NOISE_PER_M = 0.01**2  # [rad^2/m], in addition to what the odometry reports
+FAR_M = 0.5 * MAX_DISTANCE_M  # from the datum: no robot drives there
 MIN_STD_M = 0.01  # of a position: receivers report less than 1 cm
 
 
@@ -32,8 +33,9 @@ class NavsatFilter:
     """Call `predict` with each odometry pose, and `correct` with each fix."""
 
     def __init__(self, base_from_antenna: Pose2, datum: LatLon | None = None) -> None:
-        """Without a `datum`, the first position becomes it."""
+        """Without a `datum`, the first position becomes it; the next one, if that was far from here."""
         self._base_from_antenna = base_from_antenna
+        self._has_fixed_datum = datum is not None
         self.plane = None if datum is None else LocalPlane(datum)
         self._alignment = Alignment()  # of the odometry
         self._odom_from_base = Pose2()
@@ -86,6 +88,11 @@ class NavsatFilter:
             self.plane = LocalPlane(place)
         seen, variance_m2 = self.plane.to_plane(place), max(fix.std_m, MIN_STD_M) ** 2
         self.fixes += 1
+        if self._state is None and math.hypot(*seen) > FAR_M:
+            self.rejected += 1
+            if not self._has_fixed_datum:
+                self.plane, self._alignment = None, Alignment()
+            return None
         if self._state is None:
             self._align(fix.time_s, odom_at_fix, seen, variance_m2)
             return seen

@@ -11,7 +11,13 @@ from dataclasses import replace
 from datetime import time
 from typing import Any
 
-from pynmeagps import NMEAParseError, NMEAReader, calc_checksum  # type: ignore[import-untyped]
+from pynmeagps import (  # type: ignore[import-untyped]
+    NMEAMessageError,
+    NMEAParseError,
+    NMEAReader,
+    NMEATypeError,
+    calc_checksum,
+)
 
 from thumper.common.sensor import StreamSensor
 from thumper.common.serial_port import SerialPort
@@ -30,12 +36,13 @@ KINDS = {
     5: (FixStatus.RTK, 0.5),
 }
 VERTICAL = 2.0  # times the horizontal standard deviation
+MAX_NUMBER = 1e6  # of metres, or dilutions of precision
 MAX_CLOCK_DRIFT = 1e-4  # of the computer's clock
 JUMP_S = 1.0  # the receiver's time was set, or the day ended
 
 
 class SentenceDecoder:
-    """Splits bytes into sentences; drops and counts those that are damaged."""
+    """Splits bytes into sentences; drops and counts those that are damaged or impossible."""
 
     def __init__(self) -> None:
         self._buffer = b""
@@ -44,7 +51,9 @@ class SentenceDecoder:
     def feed(self, data: bytes) -> Iterator[Any]:
         """Yield pynmeagps's message for each GGA and GST that ends in these bytes."""
         *lines, self._buffer = (self._buffer + data).split(b"\n")
-        self._buffer = self._buffer[-LONGEST_BYTES:]
+        if len(self._buffer) > LONGEST_BYTES:
+            self._buffer = b""
+            self.bad += 1
         for line in lines:
             start = max(line.rfind(b"$"), line.rfind(b"!"))
             if start < 0:
@@ -52,13 +61,45 @@ class SentenceDecoder:
             match = SENTENCE.fullmatch(line, start)
             if match is None or calc_checksum(match[1].decode("latin-1")) != match[2].decode().upper():
                 self.bad += 1
-                continue
-            self.good += 1
-            if match[1][2:6] in {b"GGA,", b"GST,"}:
-                try:
-                    yield NMEAReader.parse(b"$" + match[1] + b"*" + match[2] + b"\r\n")
-                except (NMEAParseError, ValueError):
-                    self.good, self.bad = self.good - 1, self.bad + 1
+            elif match[1][2:6] in {b"GGA,", b"GST,"}:
+                message = _parse(match)
+                self.good, self.bad = self.good + bool(message), self.bad + (not message)
+                if message:
+                    yield message
+            else:
+                self.good += 1
+
+
+def _parse(sentence: re.Match[bytes]) -> Any:
+    """Return pynmeagps's message; None if a field that the driver reads is missing or impossible."""
+    try:
+        message = NMEAReader.parse(b"$" + sentence[1] + b"*" + sentence[2] + b"\r\n")
+        possible = _is_possible_gga(message) if message.msgID == "GGA" else _is_possible_gst(message)
+    except (NMEAParseError, NMEAMessageError, NMEATypeError, AttributeError, ValueError):
+        return None
+    return message if possible else None
+
+
+def _is_possible_gga(gga: Any) -> bool:
+    if not all(_is_absent_or_number(value) for value in (gga.HDOP, gga.alt, gga.sep)):
+        return False
+    if gga.quality not in KINDS:
+        return True  # no position
+    return (
+        isinstance(gga.time, time)
+        and isinstance(gga.lat, float)
+        and isinstance(gga.lon, float)
+        and (abs(gga.lat) <= 90.0 and abs(gga.lon) <= 180.0)
+        and (gga.NS in {"N", "S"} and gga.EW in {"E", "W"})
+    )
+
+
+def _is_possible_gst(gst: Any) -> bool:
+    return all(_is_absent_or_number(std) for std in (gst.stdLong, gst.stdLat, gst.stdAlt))
+
+
+def _is_absent_or_number(value: Any) -> bool:
+    return value == "" or (isinstance(value, float) and abs(value) < MAX_NUMBER)
 
 
 class NmeaDriver(StreamSensor[Fix]):
@@ -140,7 +181,7 @@ class _EpochClock:
 def fix_of_gga(gga: Any, time_s: float) -> Fix:
     """Convert a GGA sentence; its accuracy is a guess from the dilution of precision."""
     kind = KINDS.get(gga.quality)
-    if kind is None or not isinstance(gga.lat, float) or not isinstance(gga.lon, float):
+    if kind is None:
         return Fix(time_s=time_s)
     status, std_m = kind
     dilution = gga.HDOP if isinstance(gga.HDOP, float) and gga.HDOP > 0.0 else 1.0

@@ -1,6 +1,5 @@
 """Read recordings, of Thumper and of other ROS 2 programs, message by message in recorded order."""
 
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,7 +77,10 @@ class Recording:
         return run_metadata_of(self.metadata, self.name) if self.metadata else None
 
     def messages(self) -> Iterator[RecordedMessage]:
-        """Yield all CDR messages, file by file; a truncated file up to its damage, with a note."""
+        """Yield all CDR messages, file by file; a truncated file up to its damage, with a note.
+
+        Raises ThumperError if a file unpacks to far more than a recording.
+        """
         for path in self.paths:
             yield from self._messages_in(path)
 
@@ -86,7 +88,7 @@ class Recording:
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         with path.open("rb") as stream:
-            for record in records_until_error(stream, os.fstat(stream.fileno()).st_size):
+            for record in records_until_error(stream):
                 if isinstance(record, str):
                     self.notes.append(f"{path.name} {record}")
                 elif isinstance(record, Schema):
@@ -142,7 +144,7 @@ def _check(path: Path) -> None:
 def _metadata(path: Path) -> dict[str, str]:
     """Return Thumper's metadata, which precedes the first message; empty if there is none."""
     with path.open("rb") as stream:
-        for record in records_until_error(stream, os.fstat(stream.fileno()).st_size):
+        for record in records_until_error(stream):
             if isinstance(record, Metadata) and record.name == METADATA_NAME:
                 return record.metadata
             if isinstance(record, Message):

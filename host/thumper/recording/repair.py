@@ -22,10 +22,11 @@ from mcap.records import (
     Metadata,
     Schema,
 )
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.recording.chunks import ChunkReader
 from thumper.recording.mcap_file import CHUNK_BYTES, LIBRARY, PART, sync_folder
 
 DAMAGED = ".damaged"
@@ -55,7 +56,8 @@ def repair(path: Path) -> RepairResult | None:
     Raises
     ------
     ThumperError
-        It cannot be read or written, is not an MCAP file, or a running program is writing it.
+        It cannot be read or written, is not an MCAP file, unpacks to far more than one, or a running program
+        is writing it.
     """
     unfinished = path.name.endswith(PART)
     target = _unused_name(path.with_name(path.name.removesuffix(PART))) if unfinished else path
@@ -70,10 +72,14 @@ def repair(path: Path) -> RepairResult | None:
                     exit_code=EXIT_USAGE,
                 )
             profile = _profile(path)
-            with repaired.open("wb") as sink:
-                messages, note = _copy(source, sink, profile)
-                sink.flush()
-                os.fsync(sink.fileno())
+            try:
+                with repaired.open("wb") as sink:
+                    messages, note = _copy(source, sink, profile)
+                    sink.flush()
+                    os.fsync(sink.fileno())
+            except BaseException:
+                repaired.unlink()
+                raise
             if not unfinished:
                 path.rename(_unused_name(path.with_name(path.name + DAMAGED)))
             repaired.rename(target)
@@ -126,13 +132,20 @@ def is_complete(path: Path) -> bool:
         return False
 
 
-def records_until_error(stream: IO[bytes], size: int) -> Iterator[McapRecord | str]:
+def records_until_error(stream: IO[bytes]) -> Iterator[McapRecord | str]:
     """Yield records up to the first error, chunks unpacked; a text describes what could not be read.
 
     A damaged record may claim any length, so none may exceed the size of the file. A chunk with a wrong
     checksum is skipped: its length is still valid, so the next record follows it.
+
+    Raises
+    ------
+    ThumperError
+        The file unpacks to far more than a recording.
     """
+    size = os.fstat(stream.fileno()).st_size
     reader = StreamReader(stream, emit_chunks=True, record_size_limit=size)
+    chunks = ChunkReader(stream.name, size)
     records = iter(reader.records)
     while True:
         try:
@@ -147,7 +160,9 @@ def records_until_error(stream: IO[bytes], size: int) -> Iterator[McapRecord | s
             yield record
             continue
         try:
-            yield from breakup_chunk(record, validate_crc=True)
+            yield from chunks.records(record)
+        except ThumperError:
+            raise
         except Exception as error:
             yield f"a chunk is damaged and skipped ({type(error).__name__})"
 
@@ -167,13 +182,12 @@ def _profile(path: Path) -> str:
 
 
 def _copy(source: IO[bytes], sink: IO[bytes], profile: str) -> tuple[int, str]:
-    size = os.fstat(source.fileno()).st_size
     writer = Writer(sink, chunk_size=CHUNK_BYTES)
     writer.start(profile=profile, library=f"{LIBRARY} recover")
     schemas: dict[int, int] = {0: 0}
     channels: dict[int, int] = {}
     messages, notes = 0, []
-    for record in records_until_error(source, size):
+    for record in records_until_error(source):
         if isinstance(record, str):
             notes.append(record)
         elif isinstance(record, (DataEnd, Footer)):

@@ -1,8 +1,11 @@
 """Decode NMEA: u-blox's examples, real receivers, sentences in pieces, damaged and arbitrary bytes."""
 
+import tracemalloc
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pynmeagps import calc_checksum  # type: ignore[import-untyped]
 
 from thumper.gps.fix import FixStatus
 from thumper.gps.nmea import SentenceDecoder, fix_of_gga, with_gst
@@ -66,3 +69,61 @@ def test_it_reads_on_after_arbitrary_bytes(noise: bytes) -> None:
     list(decoder.feed(noise))
     list(decoder.feed(GGA))  # its start may complete a false sentence
     assert len(list(decoder.feed(GGA))) == 1
+
+
+POSITION = "4717.11399,N,00833.91590,E"
+
+
+def sentence(text: str) -> bytes:
+    return f"${text}*{calc_checksum(text)}\r\n".encode("latin-1")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "GPGGA,092725.00,,N,00833.91590,E,1,08,1.0,499.6,M,48.0,M,,",
+        "GPGGA,092725.00,9511.0,N,00833.91590,E,1,08,1.0,499.6,M,48.0,M,,",
+        "GPGGA,092725.00,4717.1,N,18100.0,E,1,08,1.0,499.6,M,48.0,M,,",
+        "GPGGA,092725.00,nan,N,00833.91590,E,1,08,1.0,499.6,M,48.0,M,,",
+        "GPGGA,092725.00,4717.1,N,inf,E,1,08,1.0,499.6,M,48.0,M,,",
+        "GPGGA,092725.00,4717.1,?,00833.91590,E,1,08,1.0,499.6,M,48.0,M,,",
+        f"GPGGA,256199.00,{POSITION},1,08,1.0,499.6,M,48.0,M,,",
+        f"GPGGA,,{POSITION},1,08,1.0,499.6,M,48.0,M,,",
+        f"GPGGA,092725.00,{POSITION},x,08,1.0,499.6,M,48.0,M,,",
+        f"GPGGA,092725.00,{POSITION},1,08,1e300,499.6,M,48.0,M,,",
+        f"GPGGA,092725.00,{POSITION},1,08,nan,499.6,M,48.0,M,,",
+        f"GPGGA,092725.00,{POSITION},1,08,1.0,1e999,M,48.0,M,,",
+        f"GPGGA,092725.00,{POSITION},1",
+        "GPGGA,092725.00",
+        "GPGGA,",
+        "GPGST,",
+        "GPGST,092725.00,1.8,,,",
+        "GPGST,092725.00,1.8,,,,1e999,1.3,2.2",
+        "GPGST,092725.00,1.8,,,,nan,1.3,2.2",
+        "GPGGA,\xe9\xff,\x00",
+    ],
+)
+def test_a_sentence_with_missing_or_impossible_fields_is_counted_and_ignored(text: str) -> None:
+    decoder = SentenceDecoder()
+    assert list(decoder.feed(sentence(text))) == []
+    assert (decoder.good, decoder.bad) == (0, 1)
+    assert len(list(decoder.feed(GGA + GST))) == 2
+
+
+def test_a_wrong_checksum_is_counted() -> None:
+    decoder = SentenceDecoder()
+    assert list(decoder.feed(GGA.replace(b"*5B", b"*5C"))) == []
+    assert (decoder.good, decoder.bad) == (0, 1)
+
+
+def test_an_endless_line_is_counted_and_takes_no_memory() -> None:
+    decoder = SentenceDecoder()
+    assert list(decoder.feed(b"$GPGGA," + 10_000 * b"1")) == []
+    assert decoder.bad == 1
+    tracemalloc.start()
+    for _ in range(1000):
+        assert list(decoder.feed(1000 * b"1")) == []
+    _, peak_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak_bytes < 100_000
+    assert len(list(decoder.feed(b"\r\n" + GGA + GST))) == 2

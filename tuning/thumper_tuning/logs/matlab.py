@@ -1,5 +1,7 @@
 """Read MATLAB files (.mat, up to version 7): vectors of one length, also in structs, or one matrix."""
 
+import struct
+import zlib
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
@@ -13,6 +15,8 @@ from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.table import MAX_MB, LogTable
 
 MIN_ROWS = 3
+MAX_UNPACKED_MB = 400
+HEADER_BYTES, COMPRESSED = 128, 15
 
 
 def read_matlab(path: Path) -> LogTable:
@@ -28,7 +32,14 @@ def read_matlab(path: Path) -> LogTable:
     from scipy.io import loadmat
 
     try:
-        content = loadmat(BytesIO(read_bytes(path, MAX_MB)), squeeze_me=True, struct_as_record=False)
+        packed = read_bytes(path, MAX_MB)
+        if not _is_small(packed):
+            raise ThumperError(
+                f"{path}: unpacks to more than {MAX_UNPACKED_MB} MB; pass a log", exit_code=EXIT_USAGE
+            )
+        content = loadmat(BytesIO(packed), squeeze_me=True, struct_as_record=False)
+    except ThumperError:
+        raise
     except OSError as error:
         raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
     except NotImplementedError as error:
@@ -50,6 +61,20 @@ def read_matlab(path: Path) -> LogTable:
     length = max(set(lengths), key=lambda one: (lengths.count(one), one))
     chosen = {name: values for name, values in vectors.items() if len(values) == length}
     return LogTable(headers=tuple(chosen), values=np.column_stack(list(chosen.values())))
+
+
+def _is_small(content: bytes) -> bool:
+    """Return whether the compressed variables unpack to less than the limit (MAT-File Format, version 5)."""
+    order = "<" if content[126:128] == b"IM" else ">"
+    at, left = HEADER_BYTES, int(1e6 * MAX_UNPACKED_MB)
+    while len(content) >= at + 8:
+        kind, length = struct.unpack_from(f"{order}II", content, at)
+        if kind == COMPRESSED:
+            left -= len(zlib.decompressobj().decompress(content[at + 8 : at + 8 + length], left))
+        if left <= 0:
+            return False
+        at += 8 + length
+    return True
 
 
 def _vectors(content: dict[str, Any]) -> Iterator[tuple[str, FloatArray]]:
