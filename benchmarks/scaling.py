@@ -6,6 +6,7 @@ grows faster than stated ends with status 1.
 """
 
 import argparse
+import itertools
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -14,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from thumper.common.geometry import Pose2
+from thumper.dashboard.page_state import PageState
 from thumper.lidar.deskew import HIT, ScanPoints
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -26,6 +28,8 @@ from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
 from thumper.navigation.planners.navfn import NavfnPlanner
 from thumper.navigation.planners.planner import Planner
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
+from thumper.ros.codec import decode, encode
+from thumper.ros.to_ros import Messages, map_change
 from thumper.slam.grid.growing_grid import HitGrid
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -34,10 +38,11 @@ from benchmarks.figure import figure
 from benchmarks.navigation import NO_HITS, cpu_ms
 
 SIDES = (200, 400, 1000, 2000, 4000)
+MESSAGES = Messages()
 CELL_M, HALF_ROOM_CELLS = 0.05, 80
 START, GOAL = Pose2(), Goal(x_m=3.0, y_m=0.0)
 # The most that the exponent may be. Nothing may grow with the map; the memory it reads is further apart.
-MOST = {"navfn": 0.3, "astar": 0.3, "lattice": 0.3, "costmap update": 0.3, "grid()": 0.3}
+MOST = {"navfn": 0.3, "astar": 0.3, "lattice": 0.3, "costmap update": 0.3, "grid()": 0.3, "page packet": 0.3}
 
 
 def room_map(side: int) -> OccupancyGrid:
@@ -51,20 +56,26 @@ def room_map(side: int) -> OccupancyGrid:
 
 
 class Robot:
-    """A map, its costmap and scans of a room that has changed a little, as in the robot's loop."""
+    """A map, its costmap and scans that change cells in the whole room, as in the robot's loop."""
 
     def __init__(self, grid: OccupancyGrid) -> None:
-        self._scans_m = np.random.default_rng(0).uniform(-4.0, 4.0, (2, 480, 2))
+        self._random = np.random.default_rng(0)
+        self._scan_m = self._random.uniform(-4.0, 4.0, (480, 2))
         self._hit_grid = HitGrid.from_counts(HitCounts.from_grid(grid), CELL_M, 0.5, 0.3)
         self._layers = CostmapLayers(Footprint(), CostmapOptions())
         self._grid = self._hit_grid.grid(percent=False)
-        self._layers.update(self._grid, self._scans_m[0])
+        self._layers.update(self._grid, self._scan_m)
+        times_s = itertools.count()
+        self._page = PageState(Pose2(), lambda: float(next(times_s)))  # each tick is due
+        self._map = MESSAGES.grid(0.0, self._grid)
+        self._page.on_message("map", self._map)
+        self._page.tick({})
 
     def scan(self) -> None:
         """Insert a scan; it is not part of what is measured."""
-        self._scans_m = self._scans_m[::-1]
+        self._scan_m = self._random.uniform(-4.0, 4.0, (480, 2))
         kinds, origins_m = np.full(480, HIT, np.uint8), np.zeros((480, 2))
-        scan = ScanPoints(origins_m=origins_m, ends_m=self._scans_m[0], kinds=kinds)
+        scan = ScanPoints(origins_m=origins_m, ends_m=self._scan_m, kinds=kinds)
         self._hit_grid.insert(START, scan)
 
     def render(self) -> None:
@@ -73,12 +84,24 @@ class Robot:
 
     def update_costmap(self) -> None:
         """Update the costmap."""
-        self._layers.update(self._grid, self._scans_m[0])
+        self._layers.update(self._grid, self._scan_m)
 
     def scan_and_render(self) -> None:
         """Insert a scan and render the map."""
         self.scan()
         self.render()
+
+    def scan_and_publish(self) -> None:
+        """Insert a scan, render the map and send to the page's server what has changed."""
+        before, old = self._map, self._grid
+        self.scan_and_render()
+        self._map = MESSAGES.grid(0.0, self._grid)
+        change = map_change(before, self._map, self._grid.changed_since(old.history))
+        self._page.on_message("map_changes", decode(encode(change), change.__msgtype__))
+
+    def make_packet(self) -> None:
+        """Make the packet for all pages."""
+        self._page.tick({})
 
 
 def nothing() -> None:
@@ -102,6 +125,7 @@ def works(side: int) -> dict[str, tuple[Callable[[], object], Callable[[], objec
         },
         "costmap update": (robot.scan_and_render, robot.update_costmap),
         "grid()": (robot.scan, robot.render),
+        "page packet": (robot.scan_and_publish, robot.make_packet),
     }
 
 

@@ -26,11 +26,13 @@ from thumper.gps.fix import Fix, FixStatus
 from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
 from thumper.maps.annotations import Annotations, parse_feature
+from thumper.maps.cell_changes import CellBox
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.ros.codec import Message
 from thumper.ros.service import json_object
 from thumper.ros.services import ExperimentState
 from thumper.ros.status import Status
-from thumper.ros.to_ros import INFO, WARN, Messages, text
+from thumper.ros.to_ros import INFO, WARN, Messages, map_change, text
 from thumper.runtime.requests import (
     EmergencyStop,
     Heartbeat,
@@ -47,6 +49,18 @@ PERIOD_S = 0.1
 WIDTH_M, HEIGHT_M, CELL_M = 4.0, 3.0, 0.05
 BEAMS = 682
 BASE_FROM_LASER = Pose2(x_m=0.12)
+
+
+def room() -> OccupancyGrid:
+    """Return a closed room with a box in it."""
+    cells = np.full((80, 100), -1, dtype=np.int8)
+    cells[10:70, 10:90] = 0
+    for row in (10, 69):
+        cells[row, 10:90] = 100
+    for column in (10, 89):
+        cells[10:70, column] = 100
+    cells[50:58, 60:70] = 100
+    return OccupancyGrid(cells=cells, resolution_m=CELL_M, origin_x_m=-0.5, origin_y_m=-0.5)
 
 
 @dataclass
@@ -70,6 +84,7 @@ class FakeRobot:
     experiment: str = ""  # the one that runs
     has_sensors: bool = False  # a BNO08x, a GPS receiver and a camera
     annotations: Annotations = field(default_factory=Annotations)
+    grid: OccupancyGrid = field(default_factory=room)
 
     def __post_init__(self) -> None:
         self.reset()
@@ -79,7 +94,7 @@ class FakeRobot:
         )
         self._messages = Messages()
         self._stop = threading.Event()
-        self._grid = _room()
+        self._map: Message | None = None
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -97,6 +112,7 @@ class FakeRobot:
             self._annotate(Annotations())
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
         self.simulated_faults, self.experiment, self.has_sensors = {}, "", False
+        self.grid = room()
         self.parameters = {spec.name: spec.default for spec in PARAMETERS}
 
     def received_of(self, kind: type[Any]) -> list[Any]:
@@ -230,10 +246,22 @@ class FakeRobot:
             self._send("plan", messages.path(now_s, path))
             self._send("local_plan", messages.path(now_s, path[:6] + 0.03))
         if cycle % 10 == 0:
-            self._send("map", messages.grid(now_s, self._grid))
+            self._publish_map(messages.grid(now_s, self.grid))
         if self.has_sensors:
             self._publish_sensors(now_s, pose)
         self._send("status", messages.status(self._status(now_s, pose)))
+
+    def _publish_map(self, new: Message) -> None:
+        """Publish the map, and the box of cells in which it differs from the one before."""
+        before, self._map = self._map, new
+        changed = None
+        if before is not None and before.info.origin == new.info.origin and before.data.size == new.data.size:
+            shape = new.info.height, new.info.width
+            differs = np.argwhere((before.data != new.data).reshape(shape))
+            low, high = (differs.min(axis=0), differs.max(axis=0) + 1) if len(differs) else ((0, 0), (0, 0))
+            changed = CellBox(int(low[0]), int(low[1]), int(high[0]), int(high[1]))
+        self._send("map", new)
+        self._send("map_changes", map_change(before, new, changed))
 
     def _publish_sensors(self, now_s: float, pose: Pose2) -> None:
         fix = Fix(
@@ -320,17 +348,6 @@ def _jpeg() -> bytes:
     content = io.BytesIO()
     Image.new("RGB", (64, 48), (30, 120, 60)).save(content, "JPEG")
     return content.getvalue()
-
-
-def _room() -> OccupancyGrid:
-    cells = np.full((80, 100), -1, dtype=np.int8)
-    cells[10:70, 10:90] = 0
-    for row in (10, 69):
-        cells[row, 10:90] = 100
-    for column in (10, 89):
-        cells[10:70, column] = 100
-    cells[50:58, 60:70] = 100
-    return OccupancyGrid(cells=cells, resolution_m=CELL_M, origin_x_m=-0.5, origin_y_m=-0.5)
 
 
 def _scan(now_s: float, pose: Pose2) -> Scan:

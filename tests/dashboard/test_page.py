@@ -15,9 +15,9 @@ def test_robot_data_is_drawn(page: Page) -> None:
     for x_m, y_m in zip(points[::2], points[1::2], strict=True):  # on a wall of the room, as drawn
         assert min(abs(x_m), abs(x_m - 4.0), abs(y_m), abs(y_m - 3.0)) < 0.08
     wall, free = page.evaluate("""() => {
-      const { image } = document.querySelector('.tp-map').mapView.grids.map;
+      const { canvas } = document.querySelector('.tp-map').mapView.grids.map;
       const pixel = (column, row) => Array.from(
-        image.getContext('2d').getImageData(column, image.height - 1 - row, 1, 1).data);
+        canvas.getContext('2d').getImageData(column, canvas.height - 1 - row, 1, 1).data);
       return [pixel(65, 54), pixel(20, 54)];
     }""")
     assert wall == [27, 39, 51, 255]  # the box of the room is where the grid has it, and not upside down

@@ -72,6 +72,17 @@ class BusClient(Closable):
         """Call `callback` with the CDR of each new message; `latched`: and with a latched topic's newest."""
         self._subscribe(Subscription(topic, self._prefix + topic, callback, latched=latched))
 
+    def newest(self, topic: str) -> Message | None:
+        """Return the newest message of a latched topic; None if the robot has none or does not answer."""
+        if self._session is None:
+            return None
+        with _readable_errors():
+            for reply in self._session.get(self._prefix + topic, timeout=QUERY_TIMEOUT_S):
+                if reply.ok is not None:
+                    with suppress(ValueError):
+                        return decode(reply.ok.payload.to_bytes(), TOPICS[topic].type_name)
+        return None
+
     def on_lost(self, callback: Callable[[], None]) -> None:
         """Call `callback`, in a thread of the bus, each time the robot has left the bus."""
         self._on_lost.append(callback)

@@ -60,14 +60,14 @@ class BusServer:
         self._losses_reported_s = -math.inf
         self._queue: deque[Callable[[], None]] = deque()
         self._wake = threading.Condition()
-        self._newest: dict[str, bytes] = {}  # of latched topics
+        self._newest: dict[str, Message] = {}  # of latched topics
         self._open = True
         self._session = open_router(robot, options)
         self._publishers = {
             name: self._session.declare_publisher(
                 self._prefix + name,
                 congestion_control=zenoh.CongestionControl.DROP,
-                express=name not in ("map", "local_costmap"),
+                express=name not in ("map", "map_changes", "local_costmap"),
             )
             for name, topic in TOPICS.items()
             if topic.direction is Direction.OUT
@@ -126,10 +126,11 @@ class BusServer:
             self._losses_reported, self._losses_reported_s = losses, now_s
 
     def _send(self, topic: str, message: Message) -> None:
-        raw = encode(message)
         if TOPICS[topic].latched:
-            self._newest[topic] = raw
-        self._publishers[topic].put(raw)
+            self._newest[topic] = message
+        publisher = self._publishers[topic]
+        if publisher.matching_status:  # else nobody subscribes, and a large map takes milliseconds to encode
+            publisher.put(encode(message))
         self.statistics.sent += 1
 
     def _on_message(self, sample: zenoh.Sample) -> None:
@@ -161,9 +162,9 @@ class BusServer:
             reply({"ok": False, "error": str(error)})
 
     def _reply_newest(self, query: zenoh.Query) -> None:
-        raw = self._newest.get(str(query.key_expr).removeprefix(self._prefix))
-        if raw is not None:
-            query.reply(query.key_expr, raw)
+        message = self._newest.get(str(query.key_expr).removeprefix(self._prefix))
+        if message is not None:
+            query.reply(query.key_expr, encode(message))
         query.drop()  # type: ignore[no-untyped-call]
 
     def _refuse(self, error: RequestRefusedError) -> None:

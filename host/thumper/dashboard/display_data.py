@@ -14,10 +14,10 @@ from thumper.board.messages import Telemetry
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.dashboard.binary_packet import grid_png
+from thumper.dashboard.map_image import grid_info
 from thumper.dashboard.pose_history import PoseHistory
 from thumper.gps.fix import FixStatus
 from thumper.maps.annotations import annotations_of
-from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.codec import Message
 from thumper.ros.from_ros import (
     fix_of,
@@ -62,17 +62,6 @@ def grid_data(message: Message) -> tuple[dict[str, Any], bytes]:
     """Return position and size of an OccupancyGrid, and its cells as a PNG."""
     grid = grid_of(message)
     return grid_info(grid), grid_png(grid.cells)
-
-
-def grid_info(grid: OccupancyGrid) -> dict[str, Any]:
-    """Return position and size of a grid."""
-    rows, columns = grid.cells.shape
-    return {
-        "resolution_m": grid.resolution_m,
-        "origin": [grid.origin_x_m, grid.origin_y_m],
-        "columns": columns,
-        "rows": rows,
-    }
 
 
 def wheel_row(message: Message) -> Row:

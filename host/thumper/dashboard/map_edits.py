@@ -13,8 +13,8 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 from thumper.common.errors import ThumperError
 from thumper.common.texts import shortened
 from thumper.dashboard.binary_packet import encode_packet, grid_png
-from thumper.dashboard.display_data import grid_info
 from thumper.dashboard.library import library_map
+from thumper.dashboard.map_image import grid_info
 from thumper.dashboard.page_messages import Metres, Name
 from thumper.dashboard.rate_limit import RateLimit
 from thumper.maps import edit

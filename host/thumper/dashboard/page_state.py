@@ -16,9 +16,11 @@ import numpy as np
 from thumper.common.geometry import Pose2
 from thumper.dashboard import display_data
 from thumper.dashboard.binary_packet import PacketArray, encode_packet
+from thumper.dashboard.map_image import MapImage
 from thumper.dashboard.pose_history import PoseHistory
+from thumper.ros import topics
 from thumper.ros.codec import Message
-from thumper.ros.from_ros import path_of, poses_of
+from thumper.ros.from_ros import grid_of, map_change_of, path_of, poses_of
 
 GRIDS = ("map", "local_costmap")
 # The status last: a page that shows the robot has all other topics already.
@@ -44,9 +46,11 @@ class PageState:
         self._newest: dict[str, Message] = {}
         self._wheels: deque[Message] = deque(maxlen=MAX_WHEEL_ROWS)
         self._events: deque[Message] = deque(maxlen=MAX_EVENTS)
+        self._map_news: list[Message] = []  # a map or none, then its changes
         self._received_s = -np.inf
         # The attributes below are used only by the ticks.
         self._track = PoseHistory()
+        self._map = MapImage()
         self.map_from_base: Pose2 | None = None
         self._values: dict[str, Any] = {}
         self._arrays: dict[str, PacketArray] = {}
@@ -64,6 +68,10 @@ class PageState:
                 self._wheels.append(message)
             elif topic == "events":
                 self._events.append(message)
+            elif topic == "map":
+                self._map_news = [message]
+            elif topic == "map_changes":
+                self._map_news.append(message)
             else:
                 self._newest[topic] = message
         self.on_change()
@@ -84,6 +92,8 @@ class PageState:
             for name in due:
                 del self._newest[name]
             wheels, events = list(self._wheels), list(self._events)
+            map_news = self._map_news if self._is_due("map") else []
+            self._map_news = self._map_news[len(map_news) :]
             self._wheels.clear()
             self._events.clear()
         values: dict[str, Any] = {}
@@ -93,6 +103,11 @@ class PageState:
         for name in TOPICS:  # the pose before the scan, which uses it
             if name in due:
                 self._try(self._convert, name, due[name], values, arrays)
+        for message in map_news:
+            self._try(self._take_map, message)
+        if map_news and (part := self._map.part()):
+            self._grid_sent_s["map"] = self._clock()
+            values["map"], arrays["map"] = part
         for message in wheels:
             self._try(lambda new: rows.append(display_data.wheel_row(new)), message)
         for message in events:
@@ -108,8 +123,17 @@ class PageState:
 
     def full_packet(self, extra: dict[str, Any]) -> bytes:
         """Return a packet with everything, for a new page or one that has fallen behind."""
+        values, arrays = dict(self._values), dict(self._arrays)
+        if whole := self._map.whole():
+            values["map"], arrays["map"] = whole
         everything = {"whole": True, **extra}
-        return self._packet(self._values, self._arrays, list(self._rows), list(self._lines), everything)
+        return self._packet(values, arrays, list(self._rows), list(self._lines), everything)
+
+    def _take_map(self, message: Message) -> None:
+        if message.__msgtype__ == topics.TOPICS["map"].type_name:
+            self._map.replace(grid_of(message))
+        else:
+            self._map.change(*map_change_of(message))
 
     def _convert(
         self, name: str, message: Message, values: dict[str, Any], arrays: dict[str, PacketArray]
@@ -119,7 +143,7 @@ class PageState:
             self._track.add(time_s, pose)
             self.map_from_base = pose
             values["pose"] = display_data.pose_list(pose)
-        elif name in GRIDS:
+        elif name == "local_costmap":
             values[name], arrays[name] = display_data.grid_data(message)
             self._grid_sent_s[name] = self._clock()
         elif name in SENSORS:

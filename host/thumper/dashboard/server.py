@@ -17,6 +17,7 @@ from nicegui import ui
 from starlette.middleware import Middleware
 
 from thumper.bus.client import BusClient
+from thumper.bus.map_feed import MapFeed
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.bus import is_loopback
@@ -100,7 +101,9 @@ def build_app(
     connections = Connections(state, commands, extra)
     state.on_change = connections.on_change
     for topic in TOPICS:
-        robot.subscribe(topic, partial(state.on_message, topic))
+        if topic != "map":
+            robot.subscribe(topic, partial(state.on_message, topic))
+    MapFeed(robot, state.on_message)
     hosts = frozenset({"localhost", "127.0.0.1", "::1"}) if is_loopback(options.host) else frozenset()
     app = FastAPI(
         docs_url=None,

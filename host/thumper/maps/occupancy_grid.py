@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from thumper.maps.cell_changes import CellBox, RenderHistory
+from thumper.maps.cell_changes import CellBox, RenderHistory, new_history
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 
@@ -24,8 +24,8 @@ class OccupancyGrid:
     resolution_m: float
     origin_x_m: float
     origin_y_m: float
-    # Not a parameter, so that `replace` does not copy it to a grid with other cells.
-    history: RenderHistory | None = field(default=None, init=False, repr=False, compare=False)
+    # Not a parameter, so that `replace` does not copy it to a grid with other cells. Cells never change.
+    history: RenderHistory = field(default_factory=new_history, init=False, repr=False, compare=False)
 
     def with_history(self, history: RenderHistory) -> "OccupancyGrid":
         """Set where this grid differs from earlier renders of the same map; return it."""
@@ -34,7 +34,7 @@ class OccupancyGrid:
 
     def changed_since(self, older: RenderHistory | None) -> CellBox | None:
         """Return the box round all cells that differ from an older render; None if it is not known."""
-        return None if self.history is None else self.history.changed_since(older)
+        return self.history.changed_since(older)
 
     def cell_of(self, x_m: float, y_m: float) -> tuple[int, int]:
         """Return (row, col) of the cell that contains the point; it may lie outside the grid."""

@@ -20,6 +20,7 @@ from thumper.recording.recorder import Recorder
 from thumper.recording.replay import ReplayResult, replay
 from thumper.recording.run_metadata import run_metadata_of
 from thumper.ros.codec import Message, encode
+from thumper.ros.to_ros import map_change
 from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.service.request_queue import RequestQueue
 
@@ -51,7 +52,7 @@ class BusRecording:
             )
         self.check()
         for name, topic in TOPICS.items():
-            if topic.direction is Direction.IN or name == "session":
+            if topic.direction is Direction.IN or not topic.recorded or name == "session":
                 continue
             if topic.latched:  # subscribe_raw would not fetch the newest message
                 client.subscribe(name, self._sink(name, topic.type_name))
@@ -153,6 +154,8 @@ def replay_on_bus(
     def publish(recorded: RecordedMessage, message: Message) -> None:
         if TOPICS[recorded.topic].direction is Direction.OUT:
             server.publish(recorded.topic, 0.0, message)
+        if recorded.topic == "map":
+            server.publish("map_changes", 0.0, map_change(None, message, None))
 
     try:
         return replay(recording, config, on_message=publish, speed=speed)

@@ -67,7 +67,8 @@ class Recorder:
 
     def __call__(self, topic: str, stamp_s: float, message: Message) -> None:
         """Queue one message, `stamp_s` on the host's clock. The caller must not change it afterwards."""
-        self._put((topic, message.__msgtype__, stamp_ns(stamp_s, self._run_metadata.epoch_ns), message))
+        if TOPICS[topic].recorded:
+            self._put((topic, message.__msgtype__, stamp_ns(stamp_s, self._run_metadata.epoch_ns), message))
 
     def add_cdr(self, topic: str, type_name: str, log_ns: int | None, cdr: bytes) -> None:
         """Queue one message that is already encoded; `log_ns` counts from 1970.

@@ -57,4 +57,19 @@ uint32 lidar_restarts
 string sensors
 """
 
-OWN_MESSAGES = {"thumper_msgs/msg/Wheels": WHEELS, "thumper_msgs/msg/Status": STATUS}
+# The cells of the map in a box. `before` is the stamp of the map that it changes; zero if it changes none.
+MAP_CHANGE = """
+std_msgs/Header header
+builtin_interfaces/Time before
+uint32 row
+uint32 column
+uint32 rows
+uint32 columns
+int8[] data
+"""
+
+OWN_MESSAGES = {
+    "thumper_msgs/msg/Wheels": WHEELS,
+    "thumper_msgs/msg/Status": STATUS,
+    "thumper_msgs/msg/MapChange": MAP_CHANGE,
+}

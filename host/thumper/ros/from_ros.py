@@ -16,7 +16,8 @@ from thumper.common.stamps import NS_PER_S, host_time_s
 from thumper.gps.fix import Fix, FixStatus
 from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
-from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.maps.cell_changes import CellBox
+from thumper.maps.occupancy_grid import CellArray, OccupancyGrid
 from thumper.ros.codec import Message
 from thumper.ros.status import Status
 
@@ -25,8 +26,12 @@ UNIT_TOLERANCE = 0.01  # of a quaternion's length
 
 def stamp_ns_of(msg: Message) -> int:
     """Return a message's header stamp [ns]."""
-    stamp = msg.header.stamp
-    return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
+    return time_ns_of(msg.header.stamp)
+
+
+def time_ns_of(msg: Message) -> int:
+    """Convert a builtin_interfaces/Time [ns]."""
+    return int(msg.sec) * NS_PER_S + int(msg.nanosec)
 
 
 def scan_of(msg: Message, epoch_ns: int = 0) -> Scan:
@@ -162,6 +167,14 @@ def grid_of(msg: Message) -> OccupancyGrid:
         origin_x_m=origin.x_m,
         origin_y_m=origin.y_m,
     )
+
+
+def map_change_of(msg: Message) -> tuple[CellBox, CellArray]:
+    """Return box and cells of a MapChange."""
+    if msg.data.size != msg.rows * msg.columns:
+        raise ValueError(f"{msg.data.size} cells for {msg.rows} x {msg.columns}")
+    box = CellBox(msg.row, msg.column, msg.row + msg.rows, msg.column + msg.columns)
+    return box, msg.data.astype(np.int8).reshape(msg.rows, msg.columns)
 
 
 def status_of(msg: Message, epoch_ns: int = 0) -> Status:

@@ -13,6 +13,7 @@ from thumper.common.stamps import NS_PER_S, stamp_ns
 from thumper.gps.fix import Fix, FixStatus
 from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
+from thumper.maps.cell_changes import NO_CELLS, CellBox
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.odometry.wheel_odometry import OdometrySample
@@ -340,6 +341,28 @@ class Messages:
             ),
             data=np.ascontiguousarray(cells, dtype=np.int8).reshape(-1),
         )
+
+
+def map_change(before: Message | None, new: Message, changed: CellBox | None) -> Message:
+    """Build a MapChange: the cells in which the OccupancyGrid `new` differs from `before`.
+
+    `changed` is None if it is not known where they differ: the message then changes no map.
+    """
+    box = changed or NO_CELLS
+    cells = new.data.reshape(new.info.height, new.info.width)[box.window]
+    stamp = message("builtin_interfaces/msg/Time", sec=0, nanosec=0)
+    if before is not None and changed is not None:
+        stamp = before.header.stamp
+    return message(
+        "thumper_msgs/msg/MapChange",
+        header=new.header,
+        before=stamp,
+        row=box.top,
+        column=box.left,
+        rows=cells.shape[0],
+        columns=cells.shape[1],
+        data=np.ascontiguousarray(cells).reshape(-1),
+    )
 
 
 def transform(header: Message, child: str, parent_from_child: Pose2) -> Message:

@@ -20,10 +20,11 @@ class Topic:
     type_name: str
     direction: Direction
     latched: bool = False  # late subscribers receive the newest message
+    recorded: bool = True
 
 
-def _out(type_name: str, *, latched: bool = False) -> Topic:
-    return Topic(type_name=type_name, direction=Direction.OUT, latched=latched)
+def _out(type_name: str, *, latched: bool = False, recorded: bool = True) -> Topic:
+    return Topic(type_name=type_name, direction=Direction.OUT, latched=latched, recorded=recorded)
 
 
 def _in(type_name: str) -> Topic:
@@ -45,6 +46,8 @@ TOPICS: Mapping[str, Topic] = MappingProxyType(
         "tf": _out("tf2_msgs/msg/TFMessage"),
         "tf_static": _out("tf2_msgs/msg/TFMessage", latched=True),
         "map": _out("nav_msgs/msg/OccupancyGrid", latched=True),
+        # What differs from the map before, for those who have it; a recording holds whole maps.
+        "map_changes": _out("thumper_msgs/msg/MapChange", latched=True, recorded=False),
         "local_costmap": _out("nav_msgs/msg/OccupancyGrid"),
         "plan": _out("nav_msgs/msg/Path", latched=True),
         "local_plan": _out("nav_msgs/msg/Path"),

@@ -14,13 +14,14 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.gps.earth_reference import EarthReference
 from thumper.gps.fix import Fix
 from thumper.maps.annotations import Annotations
+from thumper.maps.cell_changes import RenderHistory
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.navigator import NavigationOutput
 from thumper.navigation.state import Transition
 from thumper.ros.codec import Message
 from thumper.ros.markers import markers
 from thumper.ros.status import Status
-from thumper.ros.to_ros import ERROR, INFO, WARN, Messages
+from thumper.ros.to_ros import ERROR, INFO, WARN, Messages, map_change
 from thumper.ros.topics import TOPICS
 from thumper.runtime.drive.data_age import LIDAR_LOST, SCAN_TIMEOUT_S
 from thumper.runtime.drive.drive_manager import DriveManager
@@ -74,6 +75,7 @@ class Publisher:
         self._latched: dict[str, Message] = {}
         self._map_s = self._costmap_s = self._particles_s = -np.inf
         self._scans_in_map = 0
+        self._map_history: RenderHistory | None = None  # of the map published last
         self._plan_m: FloatArray = np.empty((0, 2))
         self._transition: Transition | None = None
         self._fault = Fault.NONE
@@ -183,8 +185,12 @@ class Publisher:
     def _publish_map(self, inputs: SensorInputs, time_s: float) -> None:
         scans = inputs.estimator.scans_mapped
         if scans != self._scans_in_map and time_s >= self._map_s + MAP_PERIOD_S:
-            self._map_s, self._scans_in_map = time_s, scans
-            self._send("map", time_s, self.messages.grid(time_s, inputs.estimator.mapper.grid()))
+            grid = inputs.estimator.mapper.grid()
+            changed = grid.changed_since(self._map_history)
+            before, new = self._latched.get("map"), self.messages.grid(time_s, grid)
+            self._send("map", time_s, new)
+            self._send("map_changes", time_s, map_change(before, new, changed))  # who lacks `before` fetches
+            self._map_s, self._scans_in_map, self._map_history = time_s, scans, grid.history
 
     def _publish_events(self, inputs: SensorInputs, drive_manager: DriveManager) -> None:
         transitions = drive_manager.navigator.transitions

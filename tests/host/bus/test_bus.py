@@ -22,6 +22,7 @@ from thumper.common.geometry import Twist2
 from thumper.config.bus import DEFAULT_ROBOT, BusOptions, is_loopback
 from thumper.config.robot import RobotConfig
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.ros.codec import encode
 from thumper.ros.status import Status
 from thumper.ros.to_ros import Messages, flag, text
 from thumper.runtime.requests import EmergencyStop, Query, Request, TeleopSource, Velocity
@@ -344,7 +345,7 @@ def test_late_answer_never_follows_newer_messages(monkeypatch: pytest.MonkeyPatc
     """The newest status is fetched while newer ones arrive; on a busy computer the answer comes last."""
 
     def reply_late(self: BusServer, query: Any) -> None:
-        raw = self._newest[str(query.key_expr).removeprefix(self._prefix)]
+        raw = encode(self._newest[str(query.key_expr).removeprefix(self._prefix)])
         threading.Timer(0.5, lambda: (query.reply(query.key_expr, raw), query.drop())).start()
 
     monkeypatch.setattr(BusServer, "_reply_newest", reply_late)

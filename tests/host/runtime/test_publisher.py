@@ -8,7 +8,9 @@ from thumper.board.options import BoardOptions
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
+from thumper.navigation.goal import Goal
 from thumper.ros.codec import Message
+from thumper.ros.from_ros import map_change_of
 from thumper.ros.to_ros import text
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.loop import RobotLoop
@@ -85,3 +87,25 @@ def test_an_event_is_stamped_when_it_happens(robot: RobotLoop) -> None:
     assert event_s == later_s > now_s
     _, _, message = listener.received[-1]
     assert message.stamp.sec + 1e-9 * message.stamp.nanosec == pytest.approx(later_s, abs=1e-6)
+
+
+def test_map_changes_lead_from_each_map_to_the_next(robot: RobotLoop) -> None:
+    listener = Listener()
+    robot.publisher.add_sink(listener)
+    let_time_pass(robot)
+    robot.drive_manager.start(Goal(x_m=1.5, y_m=0.5), robot.inputs.telemetry)
+    let_time_pass(robot)
+    maps = [message for topic, _, message in listener.received if topic == "map"]
+    changes = [message for topic, _, message in listener.received if topic == "map_changes"]
+    assert [change.header for change in changes] == [new.header for new in maps]
+    changed = 0
+    for before, new, change in zip(maps, maps[1:], changes[1:], strict=False):
+        if change.before != before.header.stamp:
+            assert change.before.sec == 0
+            continue
+        box, part = map_change_of(change)
+        cells = before.data.reshape(before.info.height, before.info.width).copy()
+        cells[box.window] = part
+        assert cells.reshape(-1).tolist() == new.data.tolist()
+        changed += 0 < part.size < 0.5 * cells.size
+    assert changed

@@ -16,81 +16,14 @@ export const LAYERS = [
   ["footprint", "Robot", "robot-edge"],
 ];
 
-function interpolate(a, b, share) {
-  return a.map((value, k) => Math.round(value + share * (b[k] - value)));
-}
-
-function rgb(name) {
-  const hex = colour(name).replace("#", "");
-  return [0, 2, 4].map((k) => parseInt(hex.slice(k, k + 2), 16));
-}
-
-// A palette is a table of 256 RGBA colours, indexed by the PNG's pixel: 0 unknown, else occupancy (0...100) + 1.
-export function mapPalette() {
-  const table = new Uint8ClampedArray(256 * 4);
-  const free = rgb("map-free");
-  const wall = rgb("map-wall");
-  for (let value = 1; value <= 101; value += 1) {
-    table.set([...interpolate(free, wall, (value - 1) / 100), 255], 4 * value);
-  }
-  return table;
-}
-
-export function costPalette() {
-  const table = new Uint8ClampedArray(256 * 4);
-  const low = rgb("cost-low");
-  const high = rgb("cost-high");
-  for (let value = 2; value <= 101; value += 1) {
-    const share = (value - 1) / 100;
-    table.set([...interpolate(low, high, share), Math.round(15 + 110 * share ** 2)], 4 * value);
-  }
-  return table;
-}
-
-// Colour a grid's PNG. Return the canvas (row 0 at the bottom) and the bounds of the known cells.
-export async function gridImage({ info, image: png }, palette) {
-  const bitmap = await createImageBitmap(new Blob([png], { type: "image/png" }), {
-    colorSpaceConversion: "none", // the pixels are data, not colours
-  });
-  const canvas = document.createElement("canvas");
-  canvas.width = info.columns;
-  canvas.height = info.rows;
-  const context = canvas.getContext("2d", { willReadFrequently: true });
-  context.drawImage(bitmap, 0, 0);
-  const pixels = context.getImageData(0, 0, canvas.width, canvas.height);
-  const bounds = { left: info.columns, right: 0, bottom: info.rows, top: 0 }; // in cells
-  for (let k = 0; k < pixels.data.length; k += 4) {
-    const entry = 4 * pixels.data[k];
-    if (entry) {
-      const column = (k / 4) % info.columns;
-      const row = Math.floor(k / 4 / info.columns);
-      bounds.left = Math.min(bounds.left, column);
-      bounds.right = Math.max(bounds.right, column + 1);
-      bounds.bottom = Math.min(bounds.bottom, row);
-      bounds.top = Math.max(bounds.top, row + 1);
-    }
-    pixels.data.set(palette.subarray(entry, entry + 4), k);
-  }
-  context.putImageData(pixels, 0, 0);
-  // A PNG's rows run top to bottom, a grid's rows bottom to top.
-  const upright = document.createElement("canvas");
-  upright.width = canvas.width;
-  upright.height = canvas.height;
-  const flipped = upright.getContext("2d");
-  flipped.translate(0, canvas.height);
-  flipped.scale(1, -1);
-  flipped.drawImage(canvas, 0, 0);
-  return { image: upright, info, bounds };
-}
-
-export function drawGrid(context, camera, { image, info }) {
+export function drawGrid(context, camera, { canvas, info }) {
   const [x, y] = info.origin;
   const [px, py] = camera.toScreen(x, y);
   const cell = info.resolution_m * camera.scale;
   context.save();
   context.imageSmoothingEnabled = false;
   context.translate(px, py);
-  context.drawImage(image, 0, -info.rows * cell, info.columns * cell, info.rows * cell);
+  context.drawImage(canvas, 0, -info.rows * cell, info.columns * cell, info.rows * cell);
   context.restore();
 }
 

@@ -106,17 +106,19 @@ class MapView {
 
   async setGrid(name, grid) {
     this.receivedGrids[name] = grid;
-    const palette = name === "map" ? layers.mapPalette() : layers.costPalette();
-    const image = await layers.gridImage(grid, palette);
-    if (this.receivedGrids[name] !== grid) return; // a newer grid arrived meanwhile
-    this.grids[name] = image;
+    await grid.drawn;
+    if (this.receivedGrids[name] !== grid) return; // another grid arrived meanwhile
+    this.grids[name] = grid;
     if (name === "map" && !this.camera.userControlled) this.fit();
     this.dirty = true;
   }
 
   // Colour the grids again after a change of theme.
   recolour() {
-    for (const [name, grid] of Object.entries(this.receivedGrids)) this.setGrid(name, grid);
+    for (const [name, grid] of Object.entries(this.receivedGrids)) {
+      grid.recolour();
+      this.setGrid(name, grid);
+    }
     this.dirty = true;
   }
 

@@ -1,5 +1,7 @@
 // The websocket to the server: receives packets, sends messages and the heartbeat that lets the robot move.
 
+import { GridImage } from "./grid_image.js";
+
 const HEARTBEAT_MS = 100;
 const RETRY_MS = [200, 500, 1000, 2000];
 const STALE_MS = 1500; // without a packet for this long the display is outdated, even if the socket is open
@@ -10,6 +12,7 @@ const MAX_EVENTS = 100; // kept for the log, which exists only after its tab was
 const DRAWN = new Set(["annotations", "camera", "gps", "gps_odom", "imu", "local_costmap", "local_plan", "map", "particles",
   "plan", "pose", "scan", "sensor_age_s", "status", "trail", "wheels"]);
 const MAX_ROWS = 1200;
+const GRIDS = ["map", "local_costmap"];
 
 // Event name -> listeners. An event is a key of a packet, `packet`, `snapshot`, `connected`, `opened`, `playback`
 // or `server:` and the kind of a text message.
@@ -60,10 +63,17 @@ export function decode(buffer) {
   return { header, arrays };
 }
 
-function valuesOf({ header, arrays }) {
+// Return what a packet changes; a patch of a grid continues the one `before`.
+function valuesOf({ header, arrays }, before) {
   const values = { ...header };
   for (const [name, array] of Object.entries(arrays)) {
     values[name] = name in header ? { info: header[name], image: array } : array;
+  }
+  for (const name of GRIDS) {
+    if (!(name in values)) continue;
+    const grid = values[name].info.patch ? before[name] : new GridImage(name);
+    grid.add(values[name]);
+    values[name] = grid;
   }
   return values;
 }
@@ -77,7 +87,7 @@ function handlePacket(buffer) {
     delete state.values.events;
     emit("snapshot", null);
   }
-  for (const [name, value] of Object.entries(valuesOf(packet))) {
+  for (const [name, value] of Object.entries(valuesOf(packet, state.values))) {
     if (name === "events") state.values.events = [...(state.values.events ?? []), ...value].slice(-MAX_EVENTS);
     else if (name !== "wheels") state.values[name] = value;
     if (!state.playback || !DRAWN.has(name)) emit(name, value);
@@ -96,7 +106,7 @@ export function startPlayback(name, banner) {
 
 // Show a decoded packet of the recording.
 export function playPacket(packet) {
-  for (const [name, value] of Object.entries(valuesOf(packet))) {
+  for (const [name, value] of Object.entries(valuesOf(packet, state.shown))) {
     if (!DRAWN.has(name)) continue;
     if (name !== "wheels") state.shown[name] = value;
     emit(name, value);

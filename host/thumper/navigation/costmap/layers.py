@@ -1,8 +1,8 @@
 """The global costmap, kept between cycles and updated only where a layer has changed.
 
 Layers: map, keep-out masks, hits of scan and memory; inflation over their union. Each update reads the part
-of the map that has changed since the previous one by its `RenderHistory`. A map without history is compared
-whole, row by row. Distances and costs are computed again in the box round the changes, grown by the inflation
+of the map that has changed since the previous one by its `RenderHistory`. Another map is compared whole, row
+by row. Distances and costs are computed again in the box round the changes, grown by the inflation
 radius.
 """
 

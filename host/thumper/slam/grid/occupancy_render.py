@@ -51,8 +51,8 @@ class OccupancyRender:
         """`empty` is a grid of unknown cells in the map's layout."""
         self._fraction = occupied_fraction
         self._changed = CellBox(0, 0, *empty.cells.shape)  # crossed by scans since the newest render
-        self._renders = [_Render(empty.cells, RenderHistory(object()))]  # the newest last
-        self._newest = empty.with_history(self._renders[-1].history)
+        self._renders = [_Render(empty.cells, empty.history)]  # the newest last
+        self._newest = empty
 
     def add_scan(self, crossed: CellBox) -> None:
         """Note the cells whose counts a scan has changed."""
