@@ -47,7 +47,8 @@ SLAM = (
     "mode_switch",
 )
 RUNTIME = (
-    "drive_log drive_result real_time_rate requests state_estimator",
+    "drive_log drive_result real_time_rate requests tag_anchors",
+    "state_estimator",
     "sensor_table",
     "sensor_inputs",
     "safe_stop",

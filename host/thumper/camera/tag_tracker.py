@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thumper.camera.frame import CameraFrame, jpeg_shape
+from thumper.camera.frame import CameraFrame
 from thumper.camera.options import CameraOptions
-from thumper.camera.tags import find_tags, planar_pose, tag_poses, undistorted
+from thumper.camera.tags import planar_pose, tag_poses, tags_in, undistorted
 from thumper.common.geometry import FloatArray, Pose2
 
 SHAPE_PX, COLUMN_PX, ROW_PX = 0.15, 1.0, 3.0  # noise of a corner, and of the place of the whole square
@@ -48,21 +48,17 @@ class TagTracker:
 
     def add(self, frame: CameraFrame, odom_from_base: Pose2) -> None:
         """Add a frame taken at a pose."""
-        try:
-            if jpeg_shape(frame.jpeg) != (self._camera.height_px, self._camera.width_px):
-                return  # a device that changed its mode
-            grey = frame.grey()
-        except ValueError:  # damaged
-            return
-        found = [tag for tag in find_tags(grey) if tag.number == self._tag]
-        if len(found) != 1:  # two tags of one number: which is the dock?
-            return
-        corners_px = found[0].corners_px
+        for tag in tags_in(frame, self._camera):
+            if tag.number == self._tag:
+                self.add_corners(frame.time_s, tag.corners_px, odom_from_base)
+
+    def add_corners(self, time_s: float, corners_px: FloatArray, odom_from_base: Pose2) -> None:
+        """Add the tag as one frame shows it."""
         poses = tag_poses(corners_px, self._size_m, self._camera)
         if not poses:
             return
         self.count += 1
-        self._seen.append(_Seen(frame.time_s, odom_from_base, undistorted(corners_px, self._camera)))
+        self._seen.append(_Seen(time_s, odom_from_base, undistorted(corners_px, self._camera)))
         starts = [] if self._fit is None else [self._fit]
         for pose in poses:
             in_base = self._camera.base_from_optical() @ pose

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from thumper.camera.frame import CameraFrame, jpeg_shape
 from thumper.camera.options import CameraOptions
 from thumper.common.geometry import FloatArray, Pose2
 
@@ -47,6 +48,19 @@ def find_tags(grey: Any) -> list[TagCorners]:
         TagCorners(number=int(number), corners_px=np.asarray(each, np.float64).reshape(4, 2))
         for number, each in zip(np.ravel(numbers), corners, strict=True)
     ]
+
+
+def tags_in(frame: CameraFrame, camera: CameraOptions) -> list[TagCorners]:
+    """Return the tags in a frame, without numbers that occur twice; none if the frame is damaged."""
+    try:
+        if jpeg_shape(frame.jpeg) != (camera.height_px, camera.width_px):
+            return []  # a device that changed its mode
+        grey = frame.grey()
+    except ValueError:
+        return []
+    found = find_tags(grey)
+    numbers = [tag.number for tag in found]
+    return [tag for tag in found if numbers.count(tag.number) == 1]
 
 
 def tag_poses(corners_px: FloatArray, size_m: float, camera: CameraOptions) -> list[FloatArray]:

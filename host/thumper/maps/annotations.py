@@ -1,7 +1,7 @@
-"""What people draw on a map: keep-out and slow zones, and named places. Saved beside the map as GeoJSON.
+"""Keep-out and slow zones and named places that people draw on a map, and its AprilTags. Saved as GeoJSON.
 
 The file is a FeatureCollection of RFC 7946 whose coordinates are metres in `map`, as in Nav2's route graphs.
-A zone is a Polygon without holes, a place is a Point.
+A zone is a Polygon without holes, a place or tag is a Point.
 """
 
 import json
@@ -24,6 +24,7 @@ MAX_ZONES, MAX_PLACES, MAX_VERTICES = 50, 200, 100
 MAX_SIDE_M = 50.0  # of a zone, whose cells are kept in memory
 FARTHEST_M = 1000.0  # from the origin of the map
 MAX_FILE_MB = 2.0
+TAGS = 587  # in the family 36h11
 SLOWEST_PERCENT, FASTEST_PERCENT, USUAL_PERCENT = 10, 90, 50
 NAME = re.compile(r"[^\W_](?:[\w .'-]{0,38}[\w.'-])?")
 NAME_HELP = "1 to 40 letters, digits, spaces and . ' - _, beginning with a letter or digit"
@@ -61,19 +62,38 @@ class SavedPlace:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SavedTag:
+    """An AprilTag on a wall, of the family 36h11."""
+
+    number: int
+    x_m: float
+    y_m: float
+    yaw_rad: float  # where it faces
+
+    @property
+    def name(self) -> str:
+        """Its name on the map."""
+        return f"tag {self.number}"
+
+
+Annotation = Zone | SavedPlace | SavedTag
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Annotations:
-    """The zones and places of one map. Each name exists once; upper and lower case are the same name."""
+    """What belongs to one map. Each name exists once; upper and lower case are the same name."""
 
     zones: tuple[Zone, ...] = field(default=())
     places: tuple[SavedPlace, ...] = field(default=())
+    tags: tuple[SavedTag, ...] = field(default=())
 
     def __bool__(self) -> bool:
-        return bool(self.zones or self.places)
+        return bool(self.zones or self.places or self.tags)
 
-    def __iter__(self) -> Iterator[Zone | SavedPlace]:
-        return iter((*self.zones, *self.places))
+    def __iter__(self) -> Iterator[Annotation]:
+        return iter((*self.zones, *self.places, *self.tags))
 
-    def with_item(self, item: Zone | SavedPlace) -> "Annotations":
+    def with_item(self, item: Annotation) -> "Annotations":
         """Return these and `item`, which replaces the one of its name; raises ThumperError if too many."""
         if not item.name:
             assert isinstance(item, Zone)  # only zones may have no name
@@ -81,6 +101,8 @@ class Annotations:
         others = self.without(item.name) if self.find(item.name) else self
         if isinstance(item, Zone):
             others = replace(others, zones=(*others.zones, item))
+        elif isinstance(item, SavedTag):
+            others = replace(others, tags=(*others.tags, item))
         else:
             others = replace(others, places=(*others.places, item))
         if len(others.zones) > MAX_ZONES or len(others.places) > MAX_PLACES:
@@ -93,14 +115,15 @@ class Annotations:
         """Return these without the zone or place of that name; raises ThumperError if there is none."""
         item = self.find(name)
         if item is None:
-            raise ThumperError(f"no zone or place {name!r} on this map; {self._names_text()}")
+            raise ThumperError(f"no zone, place or tag {name!r} on this map; {self._names_text()}")
         return Annotations(
             zones=tuple(zone for zone in self.zones if zone is not item),
             places=tuple(place for place in self.places if place is not item),
+            tags=tuple(tag for tag in self.tags if tag is not item),
         )
 
-    def find(self, name: str) -> Zone | SavedPlace | None:
-        """Return the zone or place of that name; None if there is none."""
+    def find(self, name: str) -> Annotation | None:
+        """Return the zone, place or tag of that name; None if there is none."""
         wanted = name.strip().casefold()
         return next((item for item in self if item.name.casefold() == wanted), None)
 
@@ -125,7 +148,11 @@ class Annotations:
             ((x_m, y_m),) = turn.apply(np.array(((place.x_m, place.y_m),)))
             yaw_rad = None if place.yaw_rad is None else math.remainder(place.yaw_rad + angle_rad, math.tau)
             places.append(replace(place, x_m=float(x_m), y_m=float(y_m), yaw_rad=yaw_rad))
-        return Annotations(zones=zones, places=tuple(places))
+        tags = []
+        for tag in self.tags:
+            at = turn @ Pose2(x_m=tag.x_m, y_m=tag.y_m, theta_rad=tag.yaw_rad)
+            tags.append(replace(tag, x_m=at.x_m, y_m=at.y_m, yaw_rad=at.theta_rad))
+        return Annotations(zones=zones, places=tuple(places), tags=tuple(tags))
 
     def to_geojson(self) -> dict[str, Any]:
         """Return the FeatureCollection."""
@@ -192,8 +219,8 @@ def annotations_of(collection: object) -> Annotations:
     return found
 
 
-def parse_feature(feature: object) -> Zone | SavedPlace:
-    """Return the zone or place of one GeoJSON feature; a zone may have no name yet.
+def parse_feature(feature: object) -> Annotation:
+    """Return the zone, place or tag of one GeoJSON feature; a zone may have no name yet.
 
     Raises
     ------
@@ -218,8 +245,10 @@ def parse_feature(feature: object) -> Zone | SavedPlace:
             y_m=y_m,
             yaw_rad=None if yaw_rad is None else math.remainder(yaw_rad, math.tau),
         )
+    if kind == "tag":
+        return _parse_tag(properties, shape, coordinates)
     if kind not in ("keepout", "slow"):
-        raise ThumperError(f"unknown kind {kind!r}; choose from: keepout, slow, place")
+        raise ThumperError(f"unknown kind {kind!r}; choose from: keepout, slow, place, tag")
     if shape != "Polygon":
         raise ThumperError("a zone is a Polygon")
     percent = properties.get("speed_percent", USUAL_PERCENT)
@@ -231,6 +260,14 @@ def parse_feature(feature: object) -> Zone | SavedPlace:
         vertices_m=_ring(coordinates),
         speed_percent=percent,
     )
+
+
+def _parse_tag(properties: Mapping[str, Any], shape: object, coordinates: object) -> SavedTag:
+    number, yaw_rad = properties.get("number"), properties.get("yaw_rad", math.nan)
+    if shape != "Point" or not isinstance(number, int) or not 0 <= number < TAGS or not _is_number(yaw_rad):
+        raise ThumperError(f"a tag is a Point with number, 0...{TAGS - 1}, and yaw_rad")
+    x_m, y_m = _position(coordinates)
+    return SavedTag(number=number, x_m=x_m, y_m=y_m, yaw_rad=math.remainder(float(yaw_rad), math.tau))
 
 
 def _ring(coordinates: object) -> tuple[tuple[float, float], ...]:
@@ -275,12 +312,14 @@ def _name(properties: Mapping[str, Any]) -> str:
     raise ThumperError(f"name: {name!r} is a number; add a letter")
 
 
-def _feature(item: Zone | SavedPlace) -> dict[str, Any]:
+def _feature(item: Annotation) -> dict[str, Any]:
     properties: dict[str, Any] = {"name": item.name}
-    if isinstance(item, SavedPlace):
-        properties["kind"] = "place"
+    if not isinstance(item, Zone):
+        properties["kind"] = "place" if isinstance(item, SavedPlace) else "tag"
         if item.yaw_rad is not None:
             properties["yaw_rad"] = item.yaw_rad
+        if isinstance(item, SavedTag):
+            properties["number"] = item.number
         geometry: dict[str, Any] = {"type": "Point", "coordinates": [item.x_m, item.y_m]}
     else:
         properties["kind"] = item.kind.value

@@ -1,11 +1,11 @@
-"""Zones and places as a MarkerArray, which RViz and Foxglove draw in the map."""
+"""Zones, places and tags as a MarkerArray, which RViz and Foxglove draw in the map."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from thumper.common.geometry import Pose2
-from thumper.maps.annotations import Annotations, SavedPlace, Zone, ZoneKind
+from thumper.maps.annotations import Annotations, SavedPlace, SavedTag, Zone, ZoneKind
 from thumper.ros.codec import Message, message
 from thumper.ros.to_ros import MAP, Messages, pose_message
 
@@ -38,7 +38,7 @@ def _zone(header: Message, number: int, zone: Zone) -> Iterator[Message]:
     yield _label(header, number, text, Pose2(x_m=x_m, y_m=y_m))
 
 
-def _place(header: Message, number: int, place: SavedPlace) -> Iterator[Message]:
+def _place(header: Message, number: int, place: SavedPlace | SavedTag) -> Iterator[Message]:
     shape, scale = (SPHERE, (SPHERE_M,) * 3) if place.yaw_rad is None else (ARROW, ARROW_M)
     at = _marker(header, shape, BLUE, scale)
     at.pose = pose_message(place.x_m, place.y_m, place.yaw_rad or 0.0)

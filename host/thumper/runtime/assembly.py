@@ -51,6 +51,7 @@ from thumper.runtime.service.request_queue import RequestQueue
 from thumper.runtime.service.simulator_control import HasSimulator
 from thumper.runtime.service.wheels import read_feed_forward
 from thumper.runtime.state_estimator import StateEstimator
+from thumper.runtime.tag_anchors import TagAnchors
 from thumper.slam.factory import make_mapper
 from thumper.slam.mode_switch import SlamModeSwitch
 from thumper.slam.mounting import MountCheck
@@ -188,6 +189,14 @@ def _wire(
         footprint=config.footprint,
         publisher=publisher,
     )
+    if config.camera.enabled:
+        estimator.tags = TagAnchors(
+            config.camera,
+            config.dock.tag_size_m,
+            known=lambda: map_annotations.value.tags,
+            survey=map_annotations.survey,
+            report=publisher.publish_event,
+        )
     saver = _map_saver(estimator, map_annotations, queue, saving.path) if saving.path else None
     handler = RequestHandler(
         request_queue=queue,

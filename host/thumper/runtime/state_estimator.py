@@ -10,6 +10,7 @@ import numpy as np
 
 from thumper.board.board import TelemetrySample
 from thumper.board.messages import Telemetry
+from thumper.camera.frame import CameraFrame
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry
 from thumper.common.stamps import rounded_s
@@ -30,6 +31,7 @@ from thumper.odometry.jump_filter import JumpFilter
 from thumper.odometry.pose_buffer import PoseBuffer
 from thumper.odometry.slip_detector import GOOD_MATCH, SlipDetector
 from thumper.odometry.wheel_odometry import OdometrySample, WheelOdometry
+from thumper.runtime.tag_anchors import TagAnchors
 from thumper.slam.mapper import AcceptsPositionPrior, Mapper, ReportsDoubt
 from thumper.slam.mounting import MountCheck, describe
 
@@ -81,6 +83,8 @@ class StateEstimator:
         self.mapper = mapper
         self.drive_train = drive_train
         self.earth = earth
+        self.tags: TagAnchors | None = None
+        self._frame: CameraFrame | None = None  # waits for the odometry at its time
         self._base_from_laser = base_from_laser
         self._self_returns = self_returns
         self._odometry: WheelOdometry | GyroEkf = WheelOdometry(drive)
@@ -127,6 +131,7 @@ class StateEstimator:
         if self.earth is not None:
             self.earth.filter.predict(self._newest.odom_from_base, float(self._newest.covariance[2, 2]))
         self._map_covered_scans()
+        self._look_at_frame()
 
     def add_imu(self, sample: ImuSample) -> None:
         """Add a gyroscope sample, before the telemetry that follows it; ignored unless enabled."""
@@ -147,6 +152,10 @@ class StateEstimator:
         by_gps = self.earth.map_from_odom(better_than_m=drift_m)
         if by_gps is not None:
             self._corrected_from_odom = self.mapper.map_from_odom.inverse() @ by_gps
+
+    def add_frame(self, frame: CameraFrame) -> None:
+        """Add a camera frame; the tags in it are surveyed, or correct the pose."""
+        self._frame = frame
 
     def map_datum(self) -> MapDatum | None:
         """Return the place of the map on Earth; None if no GPS has found it."""
@@ -230,6 +239,15 @@ class StateEstimator:
             lost=self.mapper.quality().lost if self.scans_mapped else "",
             frames=frames,
         )
+
+    def _look_at_frame(self) -> None:
+        frame, newest = self._frame, self._newest
+        if frame is None or newest is None or self.tags is None or not self.scans_mapped:
+            return
+        odom_at_frame = self.odom_from_base_at(frame.time_s)
+        if odom_at_frame is not None:
+            self._frame = None
+            self.tags.add(frame, odom_at_frame, newest.odom_from_base, self.map_from_odom, self.mapper)
 
     def _map_covered_scans(self) -> None:
         while self._waiting and self._newest is not None:

@@ -11,6 +11,7 @@ from thumper.common.errors import ThumperError
 from thumper.maps.annotations import (
     Annotations,
     SavedPlace,
+    SavedTag,
     Zone,
     ZoneKind,
     annotations_path,
@@ -25,7 +26,8 @@ RAMP = Zone(
 )
 KITCHEN = SavedPlace(name="Küche 2", x_m=1.25, y_m=-0.5, yaw_rad=1.5)
 DOOR = SavedPlace(name="door", x_m=-1.0, y_m=0.0)
-ALL = Annotations(zones=(STAIRS, RAMP), places=(KITCHEN, DOOR))
+TAG = SavedTag(number=7, x_m=2.0, y_m=-1.0, yaw_rad=0.5)
+ALL = Annotations(zones=(STAIRS, RAMP), places=(KITCHEN, DOOR), tags=(TAG,))
 
 
 def feature(kind: str, shape: str, coordinates: object, **properties: object) -> dict[str, Any]:
@@ -58,6 +60,8 @@ def test_a_saved_file_reads_back_alike(tmp_path: Path) -> None:
         (feature("keepout", "Polygon", [[[0, 0], [1, "a"], [1, 1]]]), r"\[x, y\] in metres"),
         (feature("slow", "Polygon", [[[0, 0], [1, 0], [1, 1]]], speed_percent=0), "speed_percent"),
         (feature("place", "Point", [0, 2000], name="far"), "farther than 1000 m"),
+        (feature("tag", "Point", [0, 0], number=587, yaw_rad=0.0), "a tag is a Point with number"),
+        (feature("tag", "Point", [0, 0], number=0), "a tag is a Point with number"),
         (feature("place", "Point", [0, 0], name="3.5"), "is a number"),
         (feature("place", "Point", [0, 0], name="../x"), "name: use"),
         (feature("place", "Point", [0, 0]), "name: use"),

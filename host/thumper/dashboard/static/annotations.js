@@ -134,7 +134,7 @@ function writeLabel(context, text, px, py) {
 export function drawAnnotations(context, camera) {
   for (const { properties, geometry } of features(state.shown)) {
     const { kind, name, speed_percent, yaw_rad } = properties;
-    if (kind === "place") {
+    if (geometry.type === "Point") { // a place or a tag
       drawArrow(context, camera, ...geometry.coordinates, yaw_rad ?? null, "place");
       const [px, py] = camera.toScreen(...geometry.coordinates);
       context.save();

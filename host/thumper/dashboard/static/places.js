@@ -66,7 +66,7 @@ export function places(root) {
     const all = features().map(({ properties }) => properties);
     for (const [which, isShown, hint] of [
       ["places", ({ kind }) => kind === "place", "None yet: choose the place tool (L), click the map, type a name."],
-      ["zones", ({ kind }) => kind !== "place", "None yet: choose the zone tool (Z) and click the corners."],
+      ["zones", ({ kind }) => kind in KINDS, "None yet: choose the zone tool (Z) and click the corners."],
     ]) {
       const list = root.querySelector(`[data-list=${which}]`);
       list.replaceChildren();

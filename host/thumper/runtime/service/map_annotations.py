@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from thumper.common.errors import ThumperError
-from thumper.maps.annotations import Annotations, Zone, parse_feature
+from thumper.maps.annotations import Annotations, SavedTag, Zone, parse_feature
 from thumper.navigation.costmap.filters import KEEPOUT_PERCENT
 from thumper.navigation.costmap.zones import zone_masks
 from thumper.navigation.footprint import Footprint
@@ -46,6 +46,10 @@ class MapAnnotations:
         self.value = annotations
         self._publisher.publish_text("annotations", text(json.dumps(annotations.to_geojson())))
         self._publisher.publish_markers(annotations)
+
+    def survey(self, tag: SavedTag) -> None:
+        """Add a tag, or replace the one of its number."""
+        self.replace(self.value.with_item(tag))
 
     def add(self, feature: Mapping[str, Any], _source: str = "") -> Text:
         """Add a zone or place, or replace the one of its name; raise ThumperError if it is wrong."""
@@ -88,6 +92,8 @@ class MapAnnotations:
 
 
 def _kind(item: object) -> str:
+    if isinstance(item, SavedTag):
+        return "tag"
     if not isinstance(item, Zone):
         return "place"
     return "keep-out zone" if item.kind.value == "keepout" else f"slow zone ({item.speed_percent} %)"
