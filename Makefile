@@ -102,8 +102,8 @@ soak: firmware chip $(VENV)/.run
 	@$(BIN)/python -m thumper_hil.bench.soak --hours $(HOURS)
 
 mutation: firmware chip $(VENV)/.dev
-	@$(BIN)/python -m tests.firmware.mutation.run
-	@$(BIN)/python -m tests.firmware.mutation.guards
+	@$(BIN)/python -m tests.firmware.mutation.run core
+	@$(BIN)/python -m tests.firmware.mutation.run board
 	@$(BIN)/python -m tests.host.mutation.run
 
 clean:

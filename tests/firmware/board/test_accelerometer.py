@@ -102,13 +102,16 @@ def test_a_collision_stops_the_motors(limit_V: float) -> None:
 
 @pytest.mark.parametrize("phase_ms", range(3))
 def test_an_old_reading_is_no_impact(phase_ms: int) -> None:
-    """It is not read while both limits are 0. Then somebody turns the robot over."""
-    chip = robot(impact_limit=IMPACT_V)
+    """It is not read while both limits are 0. Then somebody turns the robot over.
+
+    With a limit that x or y alone exceeds: no axis may be old.
+    """
+    chip = robot(impact_limit=HALF_G_V)
     run_for(chip, 0.05 + 1e-3 * phase_ms)
     send(chip, SetParameter(index=INDEX["impact_limit"], value=0))
     run_for(chip, 0.01)
     chip.set_attitude(pitch_rad=1.0, roll_rad=2.0)
-    send(chip, SetParameter(index=INDEX["impact_limit"], value=round(IMPACT_V * COUNT_PER_V)))
+    send(chip, SetParameter(index=INDEX["impact_limit"], value=round(HALF_G_V * COUNT_PER_V)))
     send(chip, CommandRequest(command=Command.ARM))
     send(chip, SetMotorPwm(left=120, right=120))
     run_for(chip, 0.02)

@@ -4,12 +4,14 @@ import pytest
 
 from tests.firmware.board.boot import ELF
 from tests.firmware.board.wire import frames, identity, run_for, send
+from thumper.board.framing import encode_frame
 from thumper.board.messages import (
     SCHEMA_HASH,
     BoardModel,
     Command,
     CommandRequest,
     Fault,
+    Identify,
     ResetCause,
     SetMotorPwm,
     SetWheelSpeeds,
@@ -192,6 +194,27 @@ def test_a_converter_that_stops_is_noticed() -> None:
     chip.stop_adc(stopped=True)
     last = telemetry(chip, 0.25)
     assert (last.fault, last.battery_mV) == (Fault.ADC_STOPPED, 0)
+
+
+def test_a_busy_main_loop_notices_that_the_converter_stops() -> None:
+    """It passes only every few milliseconds, so the state must last."""
+    chip = FaultyChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.3)
+    chip.stop_adc(stopped=True)
+    for _ in range(30):
+        chip.send(9 * encode_frame(Identify.ID, 7, Identify().pack()))
+        run_for(chip, 0.0025)
+    assert telemetry(chip).fault is Fault.ADC_STOPPED
+
+
+def test_short_gaps_of_the_converter_do_not_add_up() -> None:
+    """50 ms without a result are a fault, but not two times 30."""
+    chip = FaultyChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.3)
+    for stopped in (True, False) * 4:
+        chip.stop_adc(stopped=stopped)
+        run_for(chip, 0.03)
+    assert telemetry(chip).fault is Fault.NONE
 
 
 def test_the_reset_cause_is_told_once() -> None:

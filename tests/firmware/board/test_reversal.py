@@ -18,6 +18,7 @@ PWM_PERIOD_S = 510 * 256 / CPU_HZ
 TCCR2A, OCR2A, OCR2B = 0xB0, 0xB3, 0xB4
 PORTB, PORTD = 0x25, 0x2B
 TIMSK0, OCIE0B = 0x6E, 1 << 2
+DIRECTION_AND_PWM = 1 << 2 | 1 << 3  # of both ports
 STEP_S = 20e-6
 FIRMWARE = BUILD.parent if (BUILD.parent / "Makefile").exists() else ROOT / "firmware"
 
@@ -192,11 +193,15 @@ def test_a_rest_does_not_end_during_a_tone(fast_elf: Path) -> None:
 
 
 def test_no_pin_is_given_back_to_the_timer_during_a_tone() -> None:
-    """A tone toggles the directions, so the old duty could kick a motor. It rests after the tone too."""
+    """A tone toggles the directions, so the old duty could kick a motor. It rests after the tone too.
+
+    Both pins of both motors change in a tone: pulses of one direction would move the robot.
+    """
     chip = FaultyChip(ELF, params=RobotParams.load())
     run_for(chip, 0.3)
     chip.set_battery(charge=0.0)
     tones, last_tone_s, back_s = 0, 0.0, []
+    high, low = {PORTB: 0, PORTD: 0}, {PORTB: 0, PORTD: 0}
     for _ in range(round(5.0 / 0.0002)):
         run_for(chip, 0.0002)
         sounding, connected = bool(chip.data(TIMSK0) & OCIE0B), chip.data(TCCR2A) >> 4
@@ -204,9 +209,13 @@ def test_no_pin_is_given_back_to_the_timer_during_a_tone() -> None:
         if sounding:
             tones += 1
             last_tone_s = chip.time_s
+            for port in high:
+                high[port] |= chip.data(port)
+                low[port] |= ~chip.data(port)
         elif connected and last_tone_s:
             back_s.append(chip.time_s - last_tone_s)
             last_tone_s = 0.0
     assert tones > 1000
+    assert all(high[port] & low[port] & DIRECTION_AND_PWM == DIRECTION_AND_PWM for port in high)
     assert len(back_s) >= 4
     assert min(back_s) >= PWM_PERIOD_S

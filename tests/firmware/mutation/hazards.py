@@ -3,7 +3,7 @@
 python -m tests.firmware.mutation.hazards              all, on demand (a copy of the repository for each)
 python -m tests.firmware.mutation.hazards --only TEXT  hazards that contain it
 
-guards.py removes the guards of `app` and `board` one by one; this goes through docs/explanation/safety.md.
+run.py changes every place of the firmware; this goes through docs/explanation/safety.md.
 """
 
 import argparse

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-CORE = Path(__file__).resolve().parents[3] / "firmware" / "core"
+FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
+CORE = FIRMWARE / "core"
 SKIPPED = {"messages.hpp"}  # generated, and another test compares it with the schema
 
 OPERATORS = {
@@ -42,7 +43,7 @@ COMMENT = re.compile(r"//.*|^\s*#.*")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mutant:
-    """One change of one line."""
+    """One change at one place."""
 
     file: str
     line: int  # from 1
@@ -57,10 +58,8 @@ class Mutant:
 
     def apply(self, text: str) -> str:
         """Return the file's text with the change."""
-        lines = text.splitlines(keepends=True)
-        line = lines[self.line - 1]
-        lines[self.line - 1] = line[: self.column] + self.new + line[self.column + len(self.old) :]
-        return "".join(lines)
+        start = sum(map(len, text.splitlines(keepends=True)[: self.line - 1])) + self.column
+        return text[:start] + self.new + text[start + len(self.old) :]
 
 
 def mutants() -> list[Mutant]:

@@ -1,4 +1,4 @@
-"""Reads survivors.toml: the mutants that no test notices, each by name with the reason."""
+"""Reads the lists of survivors: the mutants that no test notices, each by name with the reason."""
 
 import tomllib
 from collections import Counter
@@ -8,7 +8,11 @@ from pathlib import Path
 
 from tests.firmware.mutation.mutants import Mutant
 
-SURVIVORS = Path(__file__).with_name("survivors.toml")
+CORE_SURVIVORS, BOARD_SURVIVORS = (
+    Path(__file__).with_name(f"{part}_survivors.toml") for part in ("core", "board")
+)
+SAME_IMAGE, BROKEN = "same image", "does not compile"
+"""Results of mutants that need no test."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +23,7 @@ class Reason:
     text: str
 
 
-def listed_survivors(path: Path = SURVIVORS) -> Mapping[str, Reason]:
+def listed_survivors(path: Path) -> Mapping[str, Reason]:
     """Return the reason of each listed survivor by `Mutant.key`.
 
     Raises ValueError if a mutant is listed twice or its reason is not one of `equivalent` and `accepted`.
@@ -37,10 +41,10 @@ def listed_survivors(path: Path = SURVIVORS) -> Mapping[str, Reason]:
 
 
 class Tally:
-    """Counts the results and keeps what differs from survivors.toml."""
+    """Counts the results and keeps what differs from the listed survivors."""
 
-    def __init__(self, every: Sequence[Mutant]) -> None:
-        self.listed = listed_survivors()
+    def __init__(self, every: Sequence[Mutant], survivors: Path) -> None:
+        self.listed = listed_survivors(survivors)
         gone = self.listed.keys() - {mutant.key for mutant in every}
         self.wrong = [f"listed, but no such mutant: {key}" for key in sorted(gone)]
         self.counts = Counter[str]()
@@ -51,7 +55,10 @@ class Tally:
             f"{mutant.file}:{mutant.line}: {mutant.key.partition(': ')[2]}",
             self.listed.get(mutant.key),
         )
-        self.counts["noticed" if failure else reason.kind if reason else "not listed"] += 1
+        if failure in (SAME_IMAGE, BROKEN):
+            self.counts[failure] += 1
+        else:
+            self.counts["noticed" if failure else reason.kind if reason else "not listed"] += 1
         if failure and reason:
             self.wrong.append(f"listed, but noticed by {failure.splitlines()[0]}: {name}")
         elif not failure and reason:
@@ -61,5 +68,6 @@ class Tally:
             print(self.wrong[-1])
 
     def share(self) -> float:
-        """Return the share noticed of the mutants that are not equivalent."""
-        return self.counts["noticed"] / max(1, self.counts.total() - self.counts["equivalent"])
+        """Return the share noticed of the mutants that compile and are not equivalent."""
+        left_out = sum(self.counts[kind] for kind in ("equivalent", SAME_IMAGE, BROKEN))
+        return self.counts["noticed"] / max(1, self.counts.total() - left_out)
