@@ -1,26 +1,35 @@
 """Files of earlier versions open, or are refused in one line that says what to do.
 
 Each folder holds files that the program of that version wrote: v0_2 from commit 23e965d, with every option of
-its configuration at the default.
+its configuration at the default. Its firmware saved `eeprom.bin` on the emulated chip: kp 7.5, ki 12, ks 21,
+kv 16.5, ka 1.5, acceleration 6, current_limit 7.
 """
 
 import tomllib
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from thumper.board.board import Board
+from thumper.board.fault_texts import FAULT_HINTS
+from thumper.board.messages import Command, Fault, ParameterSource, State
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
+from thumper.common.serial_port import open_port
 from thumper.config.robot import load_config
 from thumper.maps.map_server_io import load_map
 from thumper.recording.reader import Recording
 from thumper.recording.replay import replay
 from thumper.slam.saved_state import load_session
+from thumper_hil.bench import simulation
 from thumper_hil.campaign.spec import load_campaign
+from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.world.world import World
+from thumper_tuning.drive.board_gains import armed, next_sample
 
 OLD = Path(__file__).parent / "v0_2"
 
@@ -80,3 +89,24 @@ def test_campaign_opens() -> None:
 
 def test_world_opens() -> None:
     assert len(World.load(OLD / "world.toml").segments_m)
+
+
+def test_board_parameters_are_refused_until_tuning_saves_new_ones() -> None:
+    """The old set lacks parameters, so the board starts with the defaults, and says so."""
+    with closing(open_port("sim://upgrade/lidar", baud=115_200, name="lidar")):  # keeps the robot
+        chip = simulation("upgrade").chip
+        InstrumentedChip.write_eeprom(chip, (OLD / "eeprom.bin").read_bytes())  # type: ignore[arg-type]
+        chip.reset()
+        with closing(Board.open("sim://upgrade/board", baud=500_000)) as board:
+            assert board.identity.parameters is ParameterSource.DEFAULTS
+            assert board.poll(1.0)[-1].telemetry.fault is Fault.BAD_PARAMETERS
+            assert "`thumper tune`" in FAULT_HINTS[Fault.BAD_PARAMETERS]
+            with pytest.raises(ThumperError, match="a fault is latched"):
+                board.command(Command.ARM)
+            with armed(board):
+                next_sample(board, State.CLOSED_LOOP)
+            board.command(Command.SAVE)
+        chip.reset()
+        with closing(Board.open("sim://upgrade/board", baud=500_000)) as board:
+            assert board.identity.parameters is ParameterSource.SAVED
+            assert board.poll(1.0)[-1].telemetry.fault is Fault.NONE

@@ -2,6 +2,10 @@
 
 from thumper.board.messages import AckStatus, Fault
 
+UNREADABLE = (
+    "its saved parameters are unreadable, or of another firmware version; `thumper tune` measures and saves "
+    "the gains, the page sets the others"
+)
 REFUSAL_REASONS = {
     AckStatus.UNKNOWN_COMMAND: "it does not know this command; flash the firmware of this program's version",
     AckStatus.UNKNOWN_PARAMETER: (
@@ -16,7 +20,7 @@ REFUSAL_REASONS = {
     AckStatus.NO_ACCELEROMETER: "this board has no accelerometer; leave tilt_limit and impact_limit at 0",
     AckStatus.BATTERY_UNKNOWN: "it has not measured its battery; check the board",
     AckStatus.ARMED: "it is armed; disarm it first",
-    AckStatus.BAD_PARAMETERS: "its saved parameters are unreadable; set them and save them again",
+    AckStatus.BAD_PARAMETERS: UNREADABLE,
     AckStatus.NOT_SAVED: "its EEPROM did not store them; it may be worn out",
 }
 
@@ -34,7 +38,7 @@ FAULT_HINTS = {
     Fault.LOST_EDGES: "an encoder signal is disturbed; route its wires away from the motor wires",
     Fault.OVER_CURRENT: "a motor draws too much current; is something jammed?",
     Fault.WATCHDOG: "its firmware hung and restarted; check its power supply",
-    Fault.BAD_PARAMETERS: "its saved parameters are unreadable; set them and save them again",
+    Fault.BAD_PARAMETERS: UNREADABLE,
     Fault.ADC_STOPPED: "it cannot measure battery and motor currents; check its 5 V supply, then replace it",
     Fault.HIGH_BATTERY: "the battery reads above 4.5 V per cell; set battery_cells, or check its wiring",
     Fault.INPUT_1: "input 1 is active (bumper, cliff sensor or emergency stop); release it",

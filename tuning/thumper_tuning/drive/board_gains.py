@@ -14,8 +14,13 @@ TELEMETRY_TIMEOUT_S = 0.5
 
 @contextmanager
 def armed(board: Board) -> Iterator[None]:
-    """Arm the board; at the end stop the motors at once and disarm, also after an error."""
-    board.poll(TELEMETRY_TIMEOUT_S)
+    """Arm the board; at the end stop the motors at once and disarm, also after an error.
+
+    A board that cannot read its saved parameters is armed with the defaults: tuning saves new ones.
+    """
+    samples = board.poll(TELEMETRY_TIMEOUT_S)
+    if samples and samples[-1].telemetry.fault is Fault.BAD_PARAMETERS:
+        board.command(Command.CLEAR_FAULT)
     board.command(Command.ARM)
     try:
         yield
