@@ -20,15 +20,21 @@ from thumper.runtime.service.autosave import Autosave
 from thumper.slam.saved_state import SavedSlamState, save_session
 
 AUTOSAVE, INTERRUPTED = "autosave.session", "interrupted.session"
+STOOD_M = 0.05  # what the odometry of a standing robot may show
 
 
 @contextmanager
 def autosaved(robot: RobotLoop, out: Path) -> Iterator[None]:
-    """Save the session every few seconds; a run that ends regularly, with its map saved, removes the file."""
+    """Save the session every few seconds; a run that ends regularly, with its map saved, removes the file.
+
+    So does a new run that fails before the robot has moved, for example because the goal is refused: there is
+    nothing to resume.
+    """
 
     def report(text: str) -> None:
         robot.request_queue.put(LogMessage(text=text))
 
+    was_there = (out / AUTOSAVE).exists()
     autosave = Autosave(robot.inputs.estimator, lambda: robot.annotations, out / AUTOSAVE, report)
     robot.after_cycle.append(autosave.step)
     is_regular = False
@@ -37,7 +43,8 @@ def autosaved(robot: RobotLoop, out: Path) -> Iterator[None]:
         is_regular = True
     finally:
         robot.after_cycle.remove(autosave.step)
-        autosave.close(remove=is_regular and robot.inputs.has_map)
+        has_only_stood = robot.inputs.estimator.driven_m < STOOD_M and not was_there and not robot.annotations
+        autosave.close(remove=(is_regular and robot.inputs.has_map) or has_only_stood)
 
 
 def load_interrupted(settings: RobotConfig, out: Path, start: Pose2 | None) -> SavedSlamState | None:

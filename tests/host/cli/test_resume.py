@@ -6,11 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thumper.cli.resume import AUTOSAVE, INTERRUPTED, load_interrupted, set_aside_interrupted
+from thumper.cli.resume import AUTOSAVE, INTERRUPTED, autosaved, load_interrupted, set_aside_interrupted
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
-from thumper.config.robot import RobotConfig
+from thumper.config.robot import RobotConfig, with_ports
 from thumper.maps.hit_counts import HitCounts
+from thumper.navigation.goal import Goal
+from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.tasks import follow_waypoints
+from thumper.runtime.drive.waypoints import Waypoints
+from thumper.runtime.service import autosave
 from thumper.slam.saved_state import SavedSlamState, save_session
 
 COUNTS = HitCounts(
@@ -66,3 +71,34 @@ def test_the_next_run_does_not_overwrite_the_session_of_a_crash(
     assert (tmp_path / INTERRUPTED).read_text() == "map"
     assert not (tmp_path / AUTOSAVE).exists()
     assert f"--session {tmp_path / INTERRUPTED}" in capsys.readouterr().out
+
+
+def drive_to(x_m: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Drive to a place, then fail."""
+    monkeypatch.setattr(autosave, "PERIOD_S", 0.0)
+    config = with_ports(RobotConfig(), board=f"sim://{name}/board?world=lab", lidar=f"sim://{name}/lidar")
+    goals = Waypoints(goals=(Goal(x_m=x_m, y_m=0.0),), rounds=1, waits_s=(0.0,))
+    with open_robot(config, Pose2()) as robot, autosaved(robot, tmp_path):
+        robot.run(follow_waypoints(goals))
+        raise ThumperError("failed")
+
+
+def test_a_refused_goal_leaves_no_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ThumperError, match="choose one within 50 m"):
+        drive_to(100.0, tmp_path, monkeypatch, "refused")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failure_after_a_refusal_keeps_the_session_of_a_crash(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_session(SavedSlamState(counts=COUNTS, map_from_base=Pose2(x_m=1.0)), tmp_path / AUTOSAVE)
+    with pytest.raises(ThumperError, match="choose one within 50 m"):
+        drive_to(100.0, tmp_path, monkeypatch, "refused_again")
+    assert (tmp_path / AUTOSAVE).exists()
+
+
+def test_a_failure_after_a_drive_leaves_its_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ThumperError, match="failed"):
+        drive_to(0.5, tmp_path, monkeypatch, "failed")
+    assert (tmp_path / AUTOSAVE).exists()
