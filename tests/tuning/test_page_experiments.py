@@ -85,6 +85,29 @@ def test_a_request_stops_the_experiment(
     assert state_after(robot) is (State.FAULT if problem == "emergency stop" else State.DISARMED)
 
 
+def test_while_an_experiment_drives_the_status_says_so_and_no_file_is_deleted(
+    robot: RobotLoop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    replies: list[Mapping[str, Any]] = []
+    statuses: list[tuple[str, str]] = []
+
+    def sink(topic: str, _time_s: float, message: Any) -> None:
+        if topic == "status":
+            statuses.append((message.mode, message.reason))
+
+    robot.publisher.add_sink(sink)
+    delete = Query(name="library/delete", content={"name": "kitchen"}, reply=replies.append, source="me")
+    ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2})
+    interrupt(robot, monkeypatch, delete, RobotCommand(name="cancel"))
+    robot.cycle()
+    assert ("experiment", "tune") in statuses
+    assert replies[0]["error"] == "tune is running: cancel it first"
+    statuses.clear()
+    while not statuses:
+        robot.cycle()
+    assert statuses[-1][0] == "idle"
+
+
 def test_a_disconnected_page_stops_its_experiment(robot: RobotLoop) -> None:
     robot.request_queue.put(Heartbeat(source="page"))
     ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2}, source="page")

@@ -9,7 +9,7 @@ class Status:
 
     time_s: float
     robot: str = ""
-    mode: str = "idle"  # of the drive manager: idle, driving, manual, ...
+    mode: str = "idle"  # idle, holding, driving, manual, stopping, experiment
     reason: str = ""  # why, as text
     simulated: bool = False
     recording: bool = False

@@ -66,6 +66,7 @@ class Publisher:
         """
         self.messages = messages
         self.recording = False
+        self.experiment = ""  # what drives the board past the drive manager
         self._robot = robot
         self._base_from_laser, self._base_from_gps = base_from_laser, base_from_gps
         self._camera = camera
@@ -228,8 +229,8 @@ class Publisher:
         return Status(
             time_s=state.time_s,
             robot=self._robot,
-            mode=drive_manager.mode.value,
-            reason=drive_manager.reason,
+            mode="experiment" if self.experiment else drive_manager.mode.value,
+            reason=self.experiment or drive_manager.reason,
             simulated=self._simulated,
             recording=self.recording,
             has_goal=goal is not None,

@@ -48,7 +48,6 @@ function gpsText(gps, age_s) {
 const FIELDS = {
   ...SENSOR_FIELDS,
   robot: ({ status }) => status?.robot ?? "",
-  // An experiment drives the board past the drive manager, whose mode stays idle meanwhile.
   mode: ({ status, experiment }) => (experiment?.running
     ? EXPERIMENTS[experiment.running] ?? formatName(experiment.running) : formatName(status?.mode)),
   reason: ({ status, experiment }) => (experiment?.running ? experiment.what : status?.reason ?? ""),

@@ -92,7 +92,6 @@ class Commands:
         return "the motors are off"
 
     def _change_mode(self, name: str) -> str:
-        self._preconditions.require_no_experiment()
         self._preconditions.require_stationary(name.replace("_", " "))
         text = slam_mode.change(self._inputs.estimator.mapper, name)
         self._publisher.publish_event(text)

@@ -197,7 +197,11 @@ class Experiments:
             if self._stop_reason:
                 raise ThumperError(self._stop_reason)
 
-        ending = self._run_on(LentBoard(loop.inputs.board, on_poll))
+        loop.publisher.experiment = self.requested
+        try:
+            ending = self._run_on(LentBoard(loop.inputs.board, on_poll))
+        finally:
+            loop.publisher.experiment = ""
         loop.stop()
         loop.publisher.publish_event(ending)
 

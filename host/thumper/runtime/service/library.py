@@ -63,7 +63,6 @@ class MapLibrary:
     def load(self, request: NamedMap, _source: str = "") -> Text:
         """Localize in a saved map, with its zones; raise ThumperError if that is impossible now."""
         self._preconditions.require_serving("other maps")
-        self._preconditions.require_no_experiment()
         self._preconditions.require_stationary("load a map")
         path, mapper = map_path(self._folder, request.name), self._estimator.mapper
         if not path.exists():

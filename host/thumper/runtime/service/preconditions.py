@@ -26,7 +26,8 @@ class Preconditions:
             raise ThumperError(f"{self.experiments.running} is running: cancel it first")
 
     def require_stationary(self, action: str) -> None:
-        """Refuse `action` while the robot moves."""
+        """Refuse `action` while the robot moves, also by an experiment."""
+        self.require_no_experiment()
         if self.drive_manager.mode in (DriveMode.DRIVING, DriveMode.MANUAL, DriveMode.STOPPING):
             raise ThumperError(f"the robot must be stationary to {action}: stop it first")
 

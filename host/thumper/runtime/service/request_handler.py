@@ -267,7 +267,6 @@ class RequestHandler:
         return reply
 
     def _save_parameters(self, _request: Empty, _source: str) -> Empty:
-        self._preconditions.require_no_experiment()
         self._preconditions.require_stationary("save the parameters")
         reply = board_parameters.save(self._drive_manager.board)
         self._publisher.publish_event("parameters saved on the board")
@@ -311,7 +310,6 @@ class RequestHandler:
         return self.experiments.report()
 
     def _set_pose(self, request: SetPose) -> None:
-        self._preconditions.require_no_experiment()
         self._preconditions.require_stationary("set its pose")
         mapper = self._inputs.estimator.mapper
         if not isinstance(mapper, Relocalizable):
