@@ -27,7 +27,6 @@ from thumper.recording.replay import replay
 from thumper.slam.saved_state import load_session
 from thumper_hil.bench import simulation
 from thumper_hil.campaign.spec import load_campaign
-from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.world.world import World
 from thumper_tuning.drive.board_gains import armed, next_sample
 
@@ -95,7 +94,7 @@ def test_board_parameters_are_refused_until_tuning_saves_new_ones() -> None:
     """The old set lacks parameters, so the board starts with the defaults, and says so."""
     with closing(open_port("sim://upgrade/lidar", baud=115_200, name="lidar")):  # keeps the robot
         chip = simulation("upgrade").chip
-        InstrumentedChip.write_eeprom(chip, (OLD / "eeprom.bin").read_bytes())  # type: ignore[arg-type]
+        chip.write_eeprom((OLD / "eeprom.bin").read_bytes())
         chip.reset()
         with closing(Board.open("sim://upgrade/board", baud=500_000)) as board:
             assert board.identity.parameters is ParameterSource.DEFAULTS
