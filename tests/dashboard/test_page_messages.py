@@ -82,6 +82,14 @@ def test_any_text_is_parsed_or_refused(text: str) -> None:
     assert "\n" not in problem
 
 
+def test_what_a_refusal_repeats_is_short_and_printable() -> None:
+    for text in (5000 * "x", "a\nb\x1b[2J"):
+        with pytest.raises(PageMessageError) as refused:
+            parse_message(json.dumps({"kind": "estop", text: 1}))
+        assert len(str(refused.value)) <= 300
+        assert str(refused.value).isprintable()
+
+
 def test_long_message_is_refused() -> None:
     with pytest.raises(PageMessageError, match="too long"):
         parse_message(" " * 10_000 + '{"kind": "estop"}')

@@ -1,5 +1,6 @@
 """Each incoming message becomes a request or is refused with a reason."""
 
+import json
 import math
 from contextlib import suppress
 from typing import Any
@@ -149,6 +150,18 @@ def test_flood_still_gets_its_rate() -> None:
             decoder.decode_message("command", raw, "", count / 100)
             passed += 1
     assert passed == pytest.approx(220, abs=1)
+
+
+@pytest.mark.parametrize("text_", [5000 * "x", "a\nb\x1b[2J"])
+def test_what_a_refusal_repeats_is_short_and_printable(text_: str) -> None:
+    with pytest.raises(RequestRefusedError) as topic_refused:
+        RequestDecoder().decode_message(text_, b"", "", 0.0)
+    raw = json.dumps({text_: 1}).encode()
+    with pytest.raises(RequestRefusedError) as query_refused:
+        RequestDecoder().decode_query("mission/send", raw, "", 0.0, lambda _: None)
+    for refused in (topic_refused, query_refused):
+        assert len(str(refused.value)) <= 300
+        assert str(refused.value).isprintable()
 
 
 @given(raw=st.binary(max_size=300), topic=st.sampled_from(sorted(TOPICS)))
