@@ -65,6 +65,7 @@ class CrashTest:
         threading.Thread(target=self._listen, daemon=True).start()
         until(lambda: all(port.exists() for port in self._ports))
         self._robot: subprocess.Popen[str] | None = None
+        self._client: BusClient | None = None
         self._mapping_since_s = time.time()
 
     def _listen(self) -> None:
@@ -88,7 +89,7 @@ class CrashTest:
             text=True,
         )
         poses = deque[Pose2](maxlen=1)
-        client = until(lambda: _connected(address))
+        client = self._client = until(lambda: _connected(address))
         client.subscribe("pose", lambda message: poses.append(_pose(message)))
         return client, poses
 
@@ -140,7 +141,9 @@ class CrashTest:
         return {(int(row), int(col)) for row, col in cells}
 
     def close(self) -> None:
-        """End the processes."""
+        """End the processes; an open client would keep this one alive."""
+        if self._client is not None:
+            self._client.close()
         for process in (self._robot, self._sim):
             if process is not None and process.poll() is None:
                 process.kill()  # in the background, SIGINT may be ignored
