@@ -12,6 +12,8 @@ CountsArray = NDArray[np.uint8] | NDArray[np.uint16]  # of a map that is being b
 FINISHED_MAP_OBSERVATIONS = 5  # weight of a cell of a finished map
 # Weight limit of a saved map. Hours of old observations would outweigh everything that has moved since.
 MAX_OBSERVATIONS = 10
+# A cell with at most this share of the hits of another cell within `STRAY_CELLS` holds noise.
+STRAY_SHARE, STRAY_CELLS = 0.2, 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,6 +47,18 @@ class HitCounts:
         hits[old] = np.where(occupied, np.ceil(share), np.floor(share))
         misses[old] = MAX_OBSERVATIONS - hits[old]
         return replace(self, hits=hits, misses=misses)
+
+    def without_stray_hits(self) -> "HitCounts":
+        """Return the same map without the hits that noise put beside a wall, mostly behind it.
+
+        No beam crosses a cell behind a wall, so nothing else ever clears it. In a map that is resumed many
+        times walls would thicken, and scans match anywhere in a thick wall: the map blurs and turns.
+        """
+        from scipy.ndimage import maximum_filter  # only when mapping resumes
+
+        hits = self.hits.copy()
+        hits[hits <= STRAY_SHARE * maximum_filter(hits, size=2 * STRAY_CELLS + 1)] = 0
+        return replace(self, hits=hits)
 
     def crop_to_known(self) -> "HitCounts":
         """Return the same map without the empty rows and columns around what was observed."""

@@ -75,7 +75,7 @@ class HitGrid:
                 exit_code=EXIT_USAGE,
             )
         grid = cls(resolution_m, max_distance_m, occupied_fraction)
-        counts = counts.crop_to_known().limit_observations(occupied_fraction)
+        counts = counts.without_stray_hits().crop_to_known().limit_observations(occupied_fraction)
         edge = grid.max_distance_cells + 2  # the map may end at its walls, but their distances do not
         (row, col), hits, misses = counts.first_cell, counts.hits, counts.misses
         grid._first_row, grid._first_col = row - edge, col - edge
