@@ -16,10 +16,10 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.gps.driver import GpsDriver
 from thumper.gps.fix import FixStatus
 from thumper.gps.local_plane import LatLon, LocalPlane
 from thumper.gps.navsat_filter import NavsatFilter
-from thumper.gps.nmea import NmeaDriver
 from thumper.gps.options import GpsOptions
 from thumper.odometry.pose_buffer import PoseBuffer, interpolate_poses
 from thumper.odometry.wheel_odometry import OdometrySample, advance
@@ -110,7 +110,7 @@ def drive(
         pose_at=antenna_at, wall_m=lambda _x, _y: 30.0, faults=faults, kind=kind, rate_Hz=rate_Hz, seed=seed
     )
     port = Port(device)
-    driver = NmeaDriver(port, latency_s=LATENCY_S)  # type: ignore[arg-type]
+    driver = GpsDriver(port, latency_s=LATENCY_S)  # type: ignore[arg-type]
     scale = 1.0 + SCALE_ERROR * float(rng.standard_normal())
     bias_rad_s = BIAS_RAD_S * float(rng.standard_normal())
     navsat, buffer = NavsatFilter(ANTENNA, DATUM), PoseBuffer()

@@ -22,9 +22,9 @@ from thumper.camera.options import CameraOptions
 from thumper.camera.tag_tracker import TagTracker
 from thumper.common.geometry import Pose2
 from thumper.common.serial_port import open_port
+from thumper.gps.driver import GpsDriver
 from thumper.gps.earth_reference import EarthReference, MapDatum
 from thumper.gps.fix import FixStatus
-from thumper.gps.nmea import NmeaDriver
 from thumper.gps.options import GpsOptions
 
 PIECE = 2000  # bytes that a pseudo-terminal holds
@@ -96,7 +96,7 @@ def cases(name: str, content: bytes) -> Iterator[bytes]:
 
 def test_gps(line: Line) -> None:
     next(line.send(GPS))
-    driver = NmeaDriver(line.port, latency_s=0.1)
+    driver = GpsDriver(line.port, latency_s=0.1)
     for stream in cases("gps", GPS):
         earths = [EarthReference(GpsOptions(), datum) for datum in (None, MapDatum(47.28, 8.56, 0.3))]
         odom_from_base = Pose2()

@@ -31,6 +31,7 @@ from thumper_hil.lidars.a5_device import A5Device
 from thumper_hil.lidars.ld19 import Ld19
 from thumper_hil.sensors.bno08x import Bno08x
 from thumper_hil.sensors.gnss_receiver import GnssReceiver
+from thumper_hil.sensors.ubx_receiver import UbxReceiver
 from thumper_hil.world.load_world import load_world
 from thumper_hil.world.scene import NO_SEGMENTS, Scene
 from thumper_hil.world.sills import pitch_over_sills_rad
@@ -249,7 +250,8 @@ class Bench:
                 power_on_s=self.time_s,
             )
         elif device == "gps":
-            self._sensors[device] = GnssReceiver(
+            receiver = UbxReceiver if self._options.gps_protocol == "ubx" else GnssReceiver
+            self._sensors[device] = receiver(
                 pose_at=self._track.pose_at,
                 wall_m=lambda x_m, y_m: float(np.min(self.world.cast(x_m, y_m, WALL_BEARINGS_RAD))),
                 faults=self._switches,

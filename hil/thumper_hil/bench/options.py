@@ -13,7 +13,7 @@ from thumper_hil.effects.preset import PRESETS
 
 FULL_TURN_DEG = 360.0
 FIX_KINDS = ("autonomous", "sbas", "rtk")
-GPS_RATES = range(1, 11)
+GPS_RATES, GPS_PROTOCOLS = range(1, 11), ("nmea", "ubx")
 LIDARS = ("urg04lx", "ld19", "rplidar_a1", "rplidar_a2", "rplidar_c1", "ydlidar_x4")
 
 
@@ -32,6 +32,7 @@ class BenchOptions:
     lidar: str = "urg04lx"  # model, one of LIDARS
     gps: str = "sbas"  # kind of fix: autonomous, sbas or rtk
     gps_Hz: int = 1  # epochs per second
+    gps_protocol: str = "nmea"  # what the receiver sends: nmea or ubx
     preset: str = "nominal"  # how hard the robot is to drive: nominal or hard
     floor: str = ""  # carpet, wood..., or stand for wheels in the air; empty: the preset's floor
     reset_on_open: bool = False  # opening the board's port resets it through its boot loader
@@ -64,6 +65,7 @@ class BenchOptions:
             "lidar": _lidar,
             "gps": _gps,
             "gps_Hz": _gps_rate,
+            "gps_protocol": _gps_protocol,
             "preset": _preset,
             "floor": _floor,
             "reset_on_open": _yes_or_no,
@@ -139,6 +141,12 @@ def _gps_rate(text: str) -> int:
     if text not in {str(rate) for rate in GPS_RATES}:
         raise ValueError("give a whole number, 1 to 10")
     return int(text)
+
+
+def _gps_protocol(text: str) -> str:
+    if text not in GPS_PROTOCOLS:
+        raise ValueError(f"give {' or '.join(GPS_PROTOCOLS)}")
+    return text
 
 
 def _preset(text: str) -> str:

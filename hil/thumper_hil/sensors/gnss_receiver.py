@@ -107,17 +107,25 @@ class GnssReceiver:
         kind = self._kind_at(time_s)
         arrival_s = time_s + self._latency_s
         if kind is None:
-            sentences = no_fix(START_OF_RUN_S + time_s)
+            messages = self._no_fix(START_OF_RUN_S + time_s)
         else:
             x_m, y_m, _ = (float(value) for value in self._pose_at(np.array([time_s]))[0])
             near = 1.0 + WALL_FACTOR * math.exp(-self._wall_m(x_m, y_m) / WALL_M)
             error = kind.slow_m * self._slow + near * kind.multipath_m * self._multipath
             east_m, north_m = np.array([x_m, y_m]) + error + kind.white_m * white
             at = EastNorth(float(east_m) + self._faults.gps_offset_m, float(north_m))
-            sentences = fix_sentences(START_OF_RUN_S + time_s, self._plane.to_earth(at), kind)
-        for sentence in sentences:
-            arrival_s += 10.0 * len(sentence) / BAUD
-            self._outbox.send(sentence, arrival_s)
+            messages = self._fix(START_OF_RUN_S + time_s, self._plane.to_earth(at), kind)
+        for message in messages:
+            arrival_s += 10.0 * len(message) / BAUD
+            self._outbox.send(message, arrival_s)
+
+    def _fix(self, day_s: float, at: LatLon, kind: FixKind) -> tuple[bytes, ...]:
+        """Return the messages of an epoch."""
+        return fix_sentences(day_s, at, kind)
+
+    def _no_fix(self, day_s: float) -> tuple[bytes, ...]:
+        """Return the messages of an epoch without a position."""
+        return no_fix(day_s)
 
     def _kind_at(self, time_s: float) -> FixKind | None:
         seen_s = time_s - self._sky_since_s

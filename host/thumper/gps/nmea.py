@@ -1,4 +1,4 @@
-"""Driver of GPS receivers that send NMEA 0183: positions from GGA, their accuracy from GST.
+"""Read NMEA 0183: positions from GGA, their accuracy from GST.
 
 A receiver sends a burst of sentences per epoch. GST has the standard deviations; without it they follow from
 GGA's dilution of precision and the kind of fix. Other sentences are checked and ignored.
@@ -19,13 +19,10 @@ from pynmeagps import (  # type: ignore[import-untyped]
     calc_checksum,
 )
 
-from thumper.common.sensor import StreamSensor
-from thumper.common.serial_port import SerialPort
 from thumper.gps.fix import Fix, FixStatus
 
 SENTENCE = re.compile(rb"[!$]([A-Z][^*$!]*)\*([0-9A-Fa-f]{2})\r?")
 LONGEST_BYTES = 4096  # without the end of a line: not NMEA
-START_TIMEOUT_S = 2.5
 # Kinds of fix of GGA: status, and standard deviation at a dilution of precision of 1 [m]. An estimated
 # position (6) is the receiver's own dead reckoning, and no measurement.
 KINDS = {
@@ -37,8 +34,6 @@ KINDS = {
 }
 VERTICAL = 2.0  # times the horizontal standard deviation
 MAX_NUMBER = 1e6  # of metres, or dilutions of precision
-MAX_CLOCK_DRIFT = 1e-4  # of the computer's clock
-JUMP_S = 1.0  # the receiver's time was set, or the day ended
 
 
 class SentenceDecoder:
@@ -100,82 +95,6 @@ def _is_possible_gst(gst: Any) -> bool:
 
 def _is_absent_or_number(value: Any) -> bool:
     return value == "" or (isinstance(value, float) and abs(value) < MAX_NUMBER)
-
-
-class NmeaDriver(StreamSensor[Fix]):
-    """A streaming GPS receiver. The constructor waits for the first sentence; `poll` never waits."""
-
-    NAME = "GPS receiver"
-    SILENT = "check its cable and [gps] baud, and that its port sends NMEA"
-
-    def __init__(self, port: SerialPort, *, latency_s: float) -> None:
-        """Read `port` until the first sentence arrives; a fix may take minutes longer.
-
-        Raises
-        ------
-        ThumperError
-            No data arrives, or none that is NMEA (exit code 3).
-        """
-        super().__init__(port)
-        self._decoder = SentenceDecoder()
-        self._latency_s = latency_s
-        self._clock = _EpochClock()
-        self._pending: tuple[time, Fix] | None = None  # waits for its GST
-        self._has_gst = False
-        self._start(
-            START_TIMEOUT_S,
-            self._recognizes,
-            foreign=f"the device on {port.url} sends no NMEA at {port.baud} baud; correct [gps] port or baud",
-        )
-
-    def _recognizes(self, data: bytes) -> bool:
-        for _ in self._decoder.feed(data):
-            pass
-        return self._decoder.good > 0
-
-    def _decode(self, data: bytes, now_s: float) -> list[Fix]:
-        fixes = []
-        for message in self._decoder.feed(data):
-            if message.msgID == "GGA":
-                fixes += self._take_pending()  # its GST is lost
-                self._pending = (message.time, self._fix_of(message, now_s))
-                if not self._has_gst:
-                    fixes += self._take_pending()
-            else:
-                self._has_gst = True
-                if self._pending is not None and self._pending[0] == message.time:
-                    self._pending = (message.time, with_gst(self._pending[1], message))
-                    fixes += self._take_pending()
-        self.counters.bad_replies = self._decoder.bad
-        return fixes
-
-    def _take_pending(self) -> list[Fix]:
-        pending, self._pending = self._pending, None
-        return [] if pending is None else [pending[1]]
-
-    def _fix_of(self, gga: Any, now_s: float) -> Fix:
-        if not isinstance(gga.time, time):  # just powered on: it has no time yet
-            return Fix(time_s=now_s - self._latency_s)
-        return fix_of_gga(gga, self._clock.measured_s(gga.time, now_s) - self._latency_s)
-
-
-class _EpochClock:
-    """Maps the receiver's time of day to the host's clock.
-
-    Data waits in the host until it is read, so the smallest lag holds for all.
-    """
-
-    def __init__(self) -> None:
-        self._lag_s = math.inf
-        self._day_s = 0.0
-
-    def measured_s(self, epoch: time, now_s: float) -> float:
-        """Return when the epoch's data would have arrived without waiting."""
-        day_s = 3600.0 * epoch.hour + 60.0 * epoch.minute + epoch.second + 1e-6 * epoch.microsecond
-        lag_s, drifted_s = now_s - day_s, self._lag_s + MAX_CLOCK_DRIFT * abs(day_s - self._day_s)
-        self._lag_s = lag_s if lag_s > drifted_s + JUMP_S else min(lag_s, drifted_s)
-        self._day_s = day_s
-        return day_s + self._lag_s
 
 
 def fix_of_gga(gga: Any, time_s: float) -> Fix:

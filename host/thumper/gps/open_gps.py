@@ -2,8 +2,8 @@
 
 from thumper.common.sensor import Sensor
 from thumper.common.serial_port import open_port
+from thumper.gps.driver import GpsDriver
 from thumper.gps.fix import Fix
-from thumper.gps.nmea import NmeaDriver
 from thumper.gps.options import GpsOptions
 
 
@@ -13,11 +13,11 @@ def open_gps(options: GpsOptions) -> Sensor[Fix]:
     Raises
     ------
     ThumperError
-        The port cannot be opened, or sends no NMEA; the message says how to fix it.
+        The port cannot be opened, or sends neither NMEA nor UBX; the message says how to fix it.
     """
     port = open_port(options.port, baud=options.baud, name="gps")
     try:
-        return NmeaDriver(port, latency_s=options.latency_s)
+        return GpsDriver(port, latency_s=options.latency_s)
     except BaseException:
         port.close()
         raise

@@ -10,7 +10,7 @@ from thumper.common.geometry import Pose2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GpsOptions:
-    """Options of the GPS receiver, which sends NMEA 0183."""
+    """Options of the GPS receiver, which sends NMEA 0183 or UBX."""
 
     enabled: bool = False  # read the GPS receiver
     port: str = "/dev/ttyACM0"  # serial device or sim://NAME/gps

@@ -11,9 +11,10 @@ from thumper.common.geometry import Pose2
 from thumper.common.serial_port import open_port
 from thumper.config.robot import RobotConfig, with_ports
 from thumper.doctor.sensor_checks import check_sensors
+from thumper.gps.driver import GpsDriver
 from thumper.gps.fix import Fix, FixStatus
 from thumper.gps.local_plane import LatLon, LocalPlane
-from thumper.gps.nmea import NmeaDriver, SentenceDecoder, fix_of_gga
+from thumper.gps.nmea import SentenceDecoder, fix_of_gga
 from thumper.gps.open_gps import open_gps
 from thumper.gps.options import GpsOptions
 from thumper.recording.reader import Recording
@@ -73,6 +74,23 @@ def config(name: str, options: str = "", **gps: float) -> RobotConfig:
     return with_ports(robot, board=f"sim://{name}/board?{mission}", lidar=f"sim://{name}/lidar")
 
 
+def test_ubx_is_recognized_and_has_the_same_fixes() -> None:
+    with open_robot(config("gps-ubx", "&gps=rtk&gps_Hz=5&gps_protocol=ubx"), Pose2()) as robot:
+        found: list[Fix] = []
+        while simulation("gps-ubx").time_s < 14.0:
+            robot.step()
+            found += robot.inputs.feeds[0].samples
+    assert [fix.status for fix in found[:5]] == 5 * [FixStatus.NONE]  # acquiring
+    rtk = [fix for fix in found if fix.std_m < 0.05]
+    assert len(rtk) > 10
+    for fix in rtk:
+        assert fix.status is FixStatus.RTK
+        assert fix.std_m == pytest.approx(KINDS["rtk"].std_m, abs=1e-4)  # of NAV-COV, or of NAV-PVT
+        at = LocalPlane(DATUM).to_plane(LatLon(fix.latitude_deg, fix.longitude_deg))
+        assert math.dist(at, (1.73, 0.08)) < 0.2
+    assert np.abs(np.diff([fix.time_s for fix in rtk]) - 0.2).max() < 0.01
+
+
 def test_its_fixes_are_recorded_and_its_outages_survived(tmp_path: Path) -> None:
     scenario = tmp_path / "outage.toml"
     scenario.write_text(
@@ -125,7 +143,9 @@ def test_the_doctor_says_what_to_do_without_a_fix() -> None:
 
 
 def test_a_wrong_baud_rate_is_refused() -> None:
-    with pytest.raises(ThumperError, match="sends no NMEA at 9600 baud; correct") as refusal:
+    with pytest.raises(
+        ThumperError, match="sends neither NMEA nor UBX-NAV-PVT at 9600 baud; correct"
+    ) as refusal:
         open_gps(config("gps-baud", baud=9600).gps)
     assert refusal.value.exit_code == 3
     assert "\n" not in str(refusal.value)
@@ -133,4 +153,4 @@ def test_a_wrong_baud_rate_is_refused() -> None:
 
 def test_a_silent_port_is_refused() -> None:
     with pytest.raises(ThumperError, match=r"no data from the GPS receiver on .*; check its cable"):
-        NmeaDriver(open_port("loop://", baud=38_400, name="gps"), latency_s=0.1)
+        GpsDriver(open_port("loop://", baud=38_400, name="gps"), latency_s=0.1)
