@@ -8,7 +8,7 @@ import typer
 from thumper.cli.options.common import ConfigFile
 
 experiment = typer.Typer(help="Repeat the thesis's experiments and compare.", no_args_is_help=True)
-calibrate = typer.Typer(help="Calibrate the robot's geometry.", no_args_is_help=True)
+calibrate = typer.Typer(help="Calibrate the robot's geometry and camera.", no_args_is_help=True)
 
 Board = Annotated[
     str, typer.Option(help="Serial port or URL of the board, as /dev/ttyUSB0 or sim://try/board?world=lab.")
@@ -26,11 +26,6 @@ Truth = Annotated[
 Out = Annotated[Path, typer.Option(help="Folder for logs, figures and values.")]
 Laps = Annotated[int, typer.Option(help="Number of laps of the course.", min=1, max=20)]
 Yes = Annotated[bool, typer.Option("--yes", help="Skip the prompt: the floor is clear.")]
-
-
-@calibrate.callback()
-def _calibrate() -> None:
-    """Calibrate the robot's geometry."""  # without a callback, typer makes a lone command the whole program
 
 
 @experiment.command("odometry")
@@ -68,6 +63,43 @@ def calibrate_odometry(
     `experiment odometry`.
     """
     _odometry(board, lidar, config, log, truth, out, laps, yes, calibrates=True)
+
+
+@calibrate.command("camera")
+def calibrate_camera(
+    config: ConfigFile = None,
+    images: Annotated[
+        Path | None, typer.Option(help="Folder of images of the board, instead of the camera.")
+    ] = None,
+    columns: Annotated[int, typer.Option(help="Inner corners per row of the chessboard.", min=3)] = 9,
+    rows: Annotated[int, typer.Option(help="Inner corners per column.", min=3)] = 6,
+    square: Annotated[float, typer.Option(help="Edge of a square, in metres.", min=0.001)] = 0.025,
+    views: Annotated[int, typer.Option(help="Number of different views.", min=8, max=100)] = 20,
+    out: Out = Path("out/calibrate"),
+) -> None:
+    """Fit the camera's intrinsics to views of a printed chessboard and write them as TOML.
+
+    Hold the board in front of the camera: whole in view, tilted, near and far, at all edges of the image.
+
+    Example: `thumper calibrate camera --config robot.toml --square 0.024`
+    """
+    from thumper.cli.output.folder import prepare_output
+    from thumper.common.optional_packages import require_extra
+    from thumper.config.robot import load_config
+
+    require_extra("camera")
+    from thumper_tuning.calibration import camera  # needs OpenCV
+
+    settings = load_config(config).camera
+    prepare_output(out)
+    board = camera.Chessboard(columns=columns, rows=rows, square_m=square)
+    frames = camera.frames_of(settings) if images is None else camera.images_of(images)
+    found = camera.calibrate(frames, board, views=views)
+    (out / "camera.toml").write_text(found.toml(), encoding="utf-8")
+    print(found.toml(), end="")
+    print(
+        f"# {found.rms_px:.2f} pixels rms, focal length +-{found.focal_std_px:.1f} pixels; {out}/camera.toml"
+    )
 
 
 def _odometry(
