@@ -13,7 +13,8 @@ from benchmarks.shared.wheel_plant import COUNT_RAD, Wheel, counted, steps_and_p
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
 from thumper_tuning.cli.fit import fit_files
-from thumper_tuning.logs.columns import Quantity, parse_header
+from thumper_tuning.logs.column_names import Quantity
+from thumper_tuning.logs.columns import parse_header
 from thumper_tuning.logs.encoder_counts import unwrap
 from thumper_tuning.logs.read import read_logs
 

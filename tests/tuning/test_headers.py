@@ -13,11 +13,12 @@ from thumper.common.geometry import FloatArray
 from thumper.recording.mcap_file import McapFile
 from thumper.ros.codec import encode, message
 from thumper_tuning.identify.motor import identify
-from thumper_tuning.logs.columns import Quantity, parse_header
+from thumper_tuning.logs.column_names import Quantity
+from thumper_tuning.logs.columns import parse_header
+from thumper_tuning.logs.guess_units import guess_time_unit
 from thumper_tuning.logs.motor_log import MotorLog
 from thumper_tuning.logs.read import read_logs
 from thumper_tuning.logs.roles import parse_choices
-from thumper_tuning.logs.time_unit import guess_time_unit
 
 ROWS = 500
 TIME_S = np.arange(ROWS, dtype=float) * 0.1
@@ -151,6 +152,11 @@ def test_matlab_files(tmp_path: Path) -> None:
     assert_wheel(read_logs(path))
     savemat(path, {"Time_ms": 1e3 * TIME_S[:, None], "voltage_V": PWM[:, None] / 10.0, "counts": COUNTS})
     assert_wheel(read_logs(path), 0.1)
+    signals = [{"values": PWM, "label": "pwm"}, {"values": SPEED, "label": "speed_rad_s"}]
+    savemat(path, {"out": {"time": TIME_S, "signals": signals, "blockName": "motor/Scope"}})
+    assert_wheel(read_logs(path))
+    savemat(path, {"pwm": {"Time": TIME_S, "Data": PWM}, "counts": {"Time": TIME_S, "Data": COUNTS}})
+    assert_wheel(read_logs(path))
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(400))
     with pytest.raises(ThumperError, match=r"log\.mat"):
         read_logs(path)

@@ -3,28 +3,29 @@
 import math
 import re
 import unicodedata
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from enum import Enum
 from functools import partial
 
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
+from thumper_tuning.logs.column_names import (
+    BY_UNIT,
+    BY_UNIT_OF,
+    COUNT_SPEEDS,
+    DUTY_NAMES,
+    NAMES,
+    NO_QUANTITY,
+    POSITIONS_RAD,
+    QUALIFIERS,
+    RPM_NAMES,
+    SETPOINTS,
+    SIDES,
+    UNITS,
+    Quantity,
+)
 
 MAX_HEADER_LENGTH = 60
-
-
-class Quantity(Enum):
-    """Quantity that a column holds."""
-
-    TIME = "time"
-    PWM = "pwm"
-    VOLTAGE = "voltage"
-    COUNTS = "counts"
-    COUNTS_PER_ROW = "counts_per_row"
-    SPEED = "speed"
-    CURRENT = "current"
-    BATTERY = "battery"
-    SETPOINT = "setpoint"
-    DIRECTION = "direction"
+NUMBERED = re.compile(r"m\d\d?")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,84 +40,35 @@ class Column:
     needs_encoder: bool = False  # in counts: the encoder's resolution is needed
     unit_given: bool = True  # the header names the unit
     unknown_unit: str = ""  # the text in the place of the unit; the scale is NaN then
-
-
-# Names are matched as whole words, longest first, after the wheel is removed. The other words are the unit.
-# English, German, Spanish, Portuguese, French, Italian, Dutch, Czech and Polish, without accents.
-NAMES = {
-    Quantity.TIME: (
-        "time", "t", "timestamp", "time stamp", "stamp", "zeit", "tijd", "tiempo", "tempo", "temps",
-        "elapsed", "elapsed time", "clock", "millis", "micros", "cas", "czas",
-        "date", "datetime", "date time", "ms", "us", "sec", "seconds",
-    ),
-    Quantity.PWM: (
-        "pwm", "duty", "dutycycle", "duty cycle", "u", "command", "cmd", "drive", "input", "throttle",
-        "effort", "stellgrosse",
-    ),
-    Quantity.VOLTAGE: (
-        "voltage", "volt", "volts", "v", "uin", "vin", "vm", "motor voltage", "input voltage", "voltaje",
-        "tension", "tensao", "tensione", "spannung", "napeti", "napiecie", "mv",
-    ),
-    Quantity.COUNTS: (
-        "counts", "count", "ticks", "tick", "encoder", "enc", "position", "pos", "steps", "pulses", "angle",
-        "theta", "phi", "posicion", "pulsos", "cuentas", "winkel", "angulo",
-    ),
-    Quantity.COUNTS_PER_ROW: (
-        "delta counts", "counts delta", "counts per row", "dcounts", "delta ticks", "dticks",
-    ),
-    Quantity.SPEED: (
-        "speed", "velocity", "omega", "vel", "w", "rate", "rpm", "angular velocity", "angular speed",
-        "wheel speed", "velocidad", "velocidad angular", "velocidade", "vitesse", "velocita",
-        "geschwindigkeit", "drehzahl", "snelheid", "toerental", "rychlost", "otacky", "predkosc", "obroty",
-        "rad s", "rads", "radps", "deg s", "rps", "rev s",
-    ),
-    Quantity.CURRENT: ("current", "i", "amps", "strom", "corriente", "corrente", "courant"),
-    Quantity.BATTERY: ("battery", "vbat", "supply", "battery voltage", "vbatt", "bus voltage", "bateria"),
-    Quantity.DIRECTION: ("direction", "dir", "richtung", "direccion", "direcao", "sens"),
-}  # fmt: skip
-BY_UNIT = frozenset(("y", "output"))  # only the unit says what they are
-BY_UNIT_OF = (Quantity.SPEED, Quantity.COUNTS, Quantity.PWM, Quantity.VOLTAGE)
-SETPOINTS = frozenset(
-    ("setpoint", "target", "reference", "ref", "desired", "goal", "sp", "sollwert", "consigna")
-)
-NO_QUANTITY = frozenset(("error", "err", "kp", "ki", "kd", "integral", "proportional", "derivative"))
-# Words that add nothing. They are dropped only if a header is not recognized with them.
-QUALIFIERS = frozenset(
-    ("motor", "wheel", "measured", "meas", "actual", "act", "real", "raw", "filtered", "filt", "value",
-     "signal", "encoder", "shaft", "applied", "in", "of", "the", "dc", "data", "avg", "mean",
-     "wert", "hodnota", "valor", "valeur", "wartosc")
-)  # fmt: skip
-UNITS: dict[Quantity, dict[str, float]] = {
-    Quantity.TIME: {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "millis": 1e-3, "us": 1e-6,
-                    "micros": 1e-6, "ns": 1e-9, "min": 60.0},
-    Quantity.PWM: {"": 1.0, "pwm": 1.0, "%": 2.55, "percent": 2.55, "duty": 255.0, "dutycycle": 255.0},
-    Quantity.VOLTAGE: {"v": 1.0, "volt": 1.0, "volts": 1.0, "mv": 1e-3},
-    Quantity.COUNTS: {"": 1.0, "rad": math.nan, "deg": math.nan, "rev": math.nan},
-    Quantity.SPEED: {"rad s": 1.0, "rads": 1.0, "radps": 1.0, "mrad s": 1e-3, "deg s": math.pi / 180.0,
-                     "rpm": math.pi / 30.0, "rps": math.tau, "rev s": math.tau, "hz": math.tau,
-                     **dict.fromkeys(("1 min", "rev min", "r min", "u min"), math.pi / 30.0),
-                     **dict.fromkeys(("tr min", "ot min", "obr min"), math.pi / 30.0)},
-    Quantity.CURRENT: {"a": 1.0, "ma": 1e-3},
-    Quantity.BATTERY: {"v": 1.0, "mv": 1e-3},
-    Quantity.DIRECTION: {"": 1.0},
-}  # fmt: skip
-COUNT_SPEEDS = ("steps s", "counts s", "ticks s", "count s", "cps", "pulses s")
-RPM_NAMES = frozenset(("drehzahl", "toerental", "otacky", "obroty"))  # they mean turns per minute
-POSITIONS_RAD = {"rad": 1.0, "deg": math.pi / 180.0, "rev": math.tau}
-SIDES = ("left", "right", "l", "r", "front", "rear", "fl", "fr", "rl", "rr")
-NUMBERED = re.compile(r"m[1-9]\d?")
-LONG_SIDES = {"l": "left", "r": "right"}
+    weak: bool = False  # only the last words of the header are known
 
 
 def parse_headers(headers: tuple[str, ...]) -> list[Column]:
-    """Recognize the columns of a table; beside a column `y`, `r` is its set-point and no right wheel."""
+    """Recognize the columns of a table.
+
+    Beside a column `y`, `r` is its set-point and no right wheel. Beside a set-point, `input` and `output` are
+    those of a PID controller: measurement and drive.
+    """
     columns = [column for i, text in enumerate(headers) if (column := parse_header(text, i))]
-    if not any(_words(text)[:1] == ["y"] for text in headers):
-        return columns
-    return [
-        replace(c, quantity=Quantity.SETPOINT, motor="") if _words(c.header)[:1] == ["r"] else c
-        for c in columns
-    ]
+    first_words = {tuple(_words(text)[:1]) for text in headers}
+    if ("y",) in first_words:
+        columns = [
+            replace(c, quantity=Quantity.SETPOINT, motor="") if _words(c.header)[:1] == ["r"] else c
+            for c in columns
+        ]
+    is_pid = any(c.quantity is Quantity.SETPOINT for c in columns) and ("output",) in first_words
+    return columns if not is_pid else list(_pid_columns(headers, columns))
+
+
+def _pid_columns(headers: tuple[str, ...], columns: list[Column]) -> Iterator[Column]:
+    yield from (c for c in columns if _words(c.header)[:1] != ["input"])
+    for i, text in enumerate(headers):
+        name, *unit = _words(text) or [""]
+        if name == "input" and unit:
+            found = (_with_unit(text, i, quantity, name, " ".join(unit), "") for quantity in BY_UNIT_OF[:2])
+            yield from (c for c in found if c is not None and not c.unknown_unit)
+        elif name == "output" and not unit:
+            yield Column(index=i, header=text, quantity=Quantity.PWM, scale=1.0, motor="", unit_given=False)
 
 
 def parse_header(header: str, index: int) -> Column | None:
@@ -128,18 +80,28 @@ def parse_header(header: str, index: int) -> Column | None:
     if SETPOINTS & set(words):
         return Column(index=index, header=header, quantity=Quantity.SETPOINT, scale=1.0, motor=motor)
     found = _named(header, index, words, motor)
-    if found is None or found.unknown_unit:
-        for dropped in (QUALIFIERS, QUALIFIERS | {"current"}):  # "current" is also a quantity
-            rest = [word for word in words if word not in dropped]
-            if rest and (other := _named(header, index, rest, motor)) and not other.unknown_unit:
-                return other
+    if found is not None and not found.unknown_unit:
+        return found
+    for dropped in (QUALIFIERS, QUALIFIERS | {"current"}):  # "current" is also a quantity
+        rest = [word for word in words if word not in dropped]
+        if rest and (other := _named(header, index, rest, motor)) and not other.unknown_unit:
+            return other
+    words = [word for word in words if word not in QUALIFIERS]
+    for first in range(1, len(words)):
+        if (other := _named(header, index, words[first:], motor)) and not other.unknown_unit:
+            return replace(other, weak=True)
     return found
+
+
+def is_known(header: str) -> bool:
+    """Return whether a whole header is recognized, not only its last words."""
+    column = parse_header(header, 0)
+    return column is not None and not column.weak
 
 
 def motor_of(header: str) -> str:
     """Return the name of the motor that a header names, as "left" for `l_pwm`; empty: none."""
-    sides = [word for word in _words(header) if _is_side(word)]
-    return LONG_SIDES.get(sides[0], sides[0]) if sides else ""
+    return next((SIDES.get(word, word) for word in _words(header) if _is_side(word)), "")
 
 
 def _is_side(word: str) -> bool:
@@ -188,7 +150,7 @@ def _with_unit(
         return column(quantity=quantity, scale=math.nan, unknown_unit=unit)
     if quantity is Quantity.COUNTS and unit in POSITIONS_RAD:
         return column(quantity=quantity, scale=POSITIONS_RAD[unit] / math.tau)
-    given = bool(written) or name in units
+    given = bool(written) or (name in units and name not in DUTY_NAMES)
     return column(
         quantity=quantity,
         scale=units[unit],
@@ -215,7 +177,7 @@ def _special_column(column: "partial[Column]", quantity: Quantity, unit: str) ->
         return column(quantity=Quantity.SPEED, scale=1.0, needs_encoder=True)
     if quantity is Quantity.COUNTS and unit in ("delta", "diff", "per row", "per interval", "per period"):
         return column(quantity=Quantity.COUNTS_PER_ROW, scale=1.0)
-    if quantity is Quantity.PWM and unit in ("v", "mv"):  # "u [V]", "command_V"
+    if quantity is Quantity.PWM and unit in UNITS[Quantity.VOLTAGE]:  # "u [V]", "command_V"
         return column(quantity=Quantity.VOLTAGE, scale=UNITS[Quantity.VOLTAGE][unit])
     if quantity is Quantity.SPEED and unit in COUNT_SPEEDS:
         return column(quantity=quantity, scale=1.0, needs_encoder=True)
@@ -226,21 +188,24 @@ def _unit_or_default(quantity: Quantity, name: str, unit: str) -> str:
     """Return the unit; without one, the name if it is a unit itself ("rpm", "millis"), else SI or raw."""
     units = UNITS[quantity]
     if quantity in (Quantity.PWM, Quantity.COUNTS):
-        unit = unit or (name if name in units else "")
+        unit = unit or (name if name in units else "duty" if name in DUTY_NAMES else "")
         return "" if unit in ("counts", "count", "ticks", "lsb", "255", "8bit", "raw") else unit
     if quantity is Quantity.SPEED and name in RPM_NAMES:
         return unit or "rpm"
     return unit or (name if name in units else next(iter(units)))
 
 
-LETTERS = str.maketrans({"µ": "u", "μ": "u", "ß": "ss", "ł": "l", "Ł": "L", "°": "deg"})  # NFKD leaves these
+LETTERS = str.maketrans(  # NFKD leaves these
+    {"µ": "u", "μ": "u", "ß": "ss", "ł": "l", "Ł": "L", "°": "deg", "ω": "omega", "θ": "theta", "φ": "phi"}
+)
 
 
 def _words(header: str) -> list[str]:
     plain = unicodedata.normalize("NFKD", header.translate(LETTERS))
     text = "".join(letter for letter in plain if not unicodedata.combining(letter)).strip().strip('"')
     text = re.sub(r"(?<=[a-z]{2})(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)  # camelCase
-    text = re.sub(r"/|\bper\b|\^-1|-1\b", " ", text.lower()).replace("counts per rev", "")
-    text = re.sub(r"\b(?:motor|mot|wheel)[ _#-]*([1-9])\b", r" m\1 ", text)  # "Motor 1 PWM"
-    text = re.sub(r"\b([a-z]{3,})([1-9])\b", r"\1 m\2", text)  # "pwm1"
+    text = text.lower().replace("_", " ").replace("counts per rev", "").removeprefix("field.")  # rostopic
+    text = re.sub(r"/|\bper\b|\^-1|-1\b", " ", text)
+    text = re.sub(r"\b(?:motor|mot|wheel)[ #-]*([0-9])\b", r" m\1 ", text)  # "Motor 1 PWM"
+    text = re.sub(r"\b([a-z]{3,})([0-9])\b", r"\1 m\2", text)  # "pwm1"
     return [word for word in re.split(r"[^a-z0-9%]+", text) if word]

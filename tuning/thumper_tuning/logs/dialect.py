@@ -1,17 +1,18 @@
 """Find the header of a text table and its separator, by what the rows below it hold."""
 
 import csv
+import math
+import re
 from dataclasses import dataclass, replace
-from datetime import datetime
 
-import numpy as np
-
-from thumper_tuning.logs.columns import parse_header
+from thumper_tuning.logs.columns import is_known, parse_header
+from thumper_tuning.logs.numbers import is_bare_number, to_number
 
 SEPARATORS = (",", ";", "\t", "|", " ")
 MAX_PREAMBLE_LINES = 50
 ROWS_COMPARED = 20
 MIN_NUMERIC_ROWS = 0.5  # of the rows below the header
+COMMENT = ("#", "%", "//")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +22,8 @@ class Dialect:
     separator: str
     headers: tuple[str, ...]
     first_row: int  # index into the lines
-    recognized: int  # headers that name a quantity
+    known: int  # headers that name a quantity
+    fitting: float  # share of the first rows with as many cells as headers
 
 
 def find_dialect(lines: list[str]) -> Dialect | None:
@@ -32,47 +34,78 @@ def find_dialect(lines: list[str]) -> Dialect | None:
     unnamed: Dialect | None = None
     for number, line in enumerate(lines[:MAX_PREAMBLE_LINES]):
         found = [d for separator in SEPARATORS if (d := _read_header(line, separator, lines, number))]
-        best = max(found, key=lambda dialect: dialect.recognized, default=None)
-        if best is not None and best.recognized >= 2:
+        best = max(found, key=lambda d: (d.known >= 2, d.fitting, d.known), default=None)
+        if best is not None and best.known >= 2:
             return _with_unit_row(best, lines)
-        unnamed = unnamed or best
-    return unnamed or _without_header(lines)
+        if unnamed is None and best is not None and not (is_comment(line) and best.known == 0):
+            first = split_cells(lines[number + 1], best.separator)
+            unnamed = best if _is_numeric(first, len(best.headers)) else None
+    return unnamed or _without_header([line for line in lines if not is_comment(line)])
+
+
+def is_comment(line: str) -> bool:
+    """Return whether the line begins as a comment; so may the header, as numpy's `savetxt` writes it."""
+    return line.lstrip().startswith(COMMENT)
+
+
+def misfit(lines: list[str]) -> str:
+    """Return what is wrong with a table whose rows do not fit its header; empty: it has no header."""
+    for number, line in enumerate(lines[:MAX_PREAMBLE_LINES]):
+        headers, rows = split_cells(line, ","), lines[number + 1 : number + 1 + ROWS_COMPARED]
+        wider = [row for row in rows if len(split_cells(row, ",")) > len(headers) + 1]
+        if sum(map(is_known, headers)) >= 2 and 2 * len(wider) > len(rows):
+            return (
+                f"the rows have more cells than the {len(headers)} names in line {number + 1}: if commas are "
+                "also the decimal signs, separate the columns by semicolons"
+            )
+    return ""
 
 
 def _read_header(line: str, separator: str, lines: list[str], number: int) -> Dialect | None:
+    following = [row for row in lines[number + 1 : number + 1 + ROWS_COMPARED] if not is_comment(row)]
+    rows = [split_cells(row, separator) for row in following]
     headers = split_cells(line, separator)
-    rows = [split_cells(row, separator) for row in lines[number + 1 : number + 1 + ROWS_COMPARED]]
-    if len(headers) < 2 or not rows or any(np.isfinite(to_number(cell)) for cell in headers):
+    if separator == " " and rows and len(headers) != len(rows[-1]):
+        headers = re.split(r"\s{2,}", line.strip())  # names of several words, aligned
+    if len(headers) < 2 or not rows or any(map(is_bare_number, headers)):
         return None
-    if not any(_is_numeric(row, len(headers)) for row in rows):
+    numeric = [row for row in rows if _is_numeric(row, len(headers))]
+    if not numeric or len(numeric) < MIN_NUMERIC_ROWS * len(rows):
         return None
-    if sum(_is_numeric(row, len(headers)) for row in rows) < MIN_NUMERIC_ROWS * len(rows):
-        return None
-    recognized = sum(parse_header(header, 0) is not None for header in headers)
-    return Dialect(separator=separator, headers=tuple(headers), first_row=number + 1, recognized=recognized)
+    return Dialect(
+        separator=separator,
+        headers=tuple(headers),
+        first_row=number + 1,
+        known=sum(map(is_known, headers)),
+        fitting=sum(len(row) == len(headers) for row in numeric) / len(numeric),
+    )
 
 
 def _with_unit_row(dialect: Dialect, lines: list[str]) -> Dialect:
     """Take the units of a row below the header, as `[s];[1/min];[%]`, into the headers."""
     cells = split_cells(lines[dialect.first_row], dialect.separator)
-    if len(cells) != len(dialect.headers) or any(np.isfinite(to_number(cell)) for cell in cells):
+    if len(cells) != len(dialect.headers) or any(map(is_bare_number, cells)):
         return dialect
-    headers = list(dialect.headers)
-    for k, cell in enumerate(cells):
-        before = parse_header(headers[k], k)
-        unit = cell.strip("[]() ")
-        if unit and before is not None and not before.unit_given:
-            headers[k] += f" [{unit}]"
+    headers = with_units(dialect.headers, [cell.strip("[]() ") for cell in cells])
     changed = [parse_header(h, k) for k, h in enumerate(headers) if h != dialect.headers[k]]
     if not any(column and column.unit_given and not column.unknown_unit for column in changed):
         return dialect  # text, or missing values
-    return replace(dialect, headers=tuple(headers), first_row=dialect.first_row + 1)
+    return replace(dialect, headers=headers, first_row=dialect.first_row + 1)
+
+
+def with_units(headers: tuple[str, ...], units: list[str]) -> tuple[str, ...]:
+    """Return the headers with the units that they do not name themselves."""
+    columns = [parse_header(header, k) for k, header in enumerate(headers)]
+    return tuple(
+        f"{header} [{unit}]" if unit and column is not None and not column.unit_given else header
+        for header, unit, column in zip(headers, units, columns, strict=True)
+    )
 
 
 def _is_numeric(row: list[str], columns: int) -> bool:
     """Return whether a row has about as many cells as the header, and numbers in half of the filled ones."""
     filled = [cell for cell in row if cell]
-    numbers = sum(bool(np.isfinite(to_number(cell))) for cell in filled)
+    numbers = sum(math.isfinite(to_number(cell)) for cell in filled)
     return abs(len(row) - columns) <= 1 and bool(filled) and 2 * numbers >= len(filled)
 
 
@@ -82,7 +115,7 @@ def _without_header(lines: list[str]) -> Dialect | None:
         columns = len(rows[0]) if rows else 0
         if columns >= 2 and all(len(row) == columns and _is_numeric(row, columns) for row in rows):
             headers = tuple(str(k + 1) for k in range(columns))
-            return Dialect(separator=separator, headers=headers, first_row=0, recognized=0)
+            return Dialect(separator=separator, headers=headers, first_row=0, known=0, fitting=1.0)
     return None
 
 
@@ -96,22 +129,3 @@ def split_cells(line: str, separator: str) -> list[str]:
     except csv.Error:  # a cell of more than 131072 characters
         return []
     return [cell.strip() for cell in row]
-
-
-def to_number(text: str) -> float:
-    """Return a number, also with a decimal comma, or the seconds of an ISO date or time of day; else NaN."""
-    text = text.strip()
-    try:
-        return float(text)
-    except ValueError:
-        pass
-    if ":" in text:
-        date = "" if "-" in text[1:] else "1970-01-01 "
-        try:
-            return datetime.fromisoformat(date + text).timestamp()
-        except ValueError:
-            return float("nan")
-    try:
-        return float(text.replace(",", ".")) if text.count(",") == 1 else float("nan")
-    except ValueError:
-        return float("nan")

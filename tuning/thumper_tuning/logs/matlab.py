@@ -55,7 +55,7 @@ def read_matlab(path: Path) -> LogTable:
         return LogTable(headers=tuple(str(k + 1) for k in range(matrix.shape[1])), values=matrix)
     if not lengths:
         raise ThumperError(
-            f"{path}: no vectors of numbers in it (a timeseries object: save its Time and Data as vectors)",
+            f"{path}: no vectors of numbers in it (of a timeseries or table object, save vectors)",
             exit_code=EXIT_CHECK_FAILED,
         )
     length = max(set(lengths), key=lambda one: (lengths.count(one), one))
@@ -82,9 +82,20 @@ def _vectors(content: dict[str, Any]) -> Iterator[tuple[str, FloatArray]]:
         if name.startswith("__"):
             continue
         if hasattr(value, "_fieldnames"):
-            yield from _vectors({field: getattr(value, field) for field in value._fieldnames})
+            yield from _vectors(_named_by_signal(name, {f: getattr(value, f) for f in value._fieldnames}))
         elif isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiub":
             yield name, value.astype(float)
+
+
+def _named_by_signal(name: str, fields: dict[str, Any]) -> dict[str, Any]:
+    """Name the vectors of signals: Time and Data in a struct, or Simulink's "structure with time"."""
+    by_name = {field.lower(): value for field, value in fields.items()}
+    if "time" in by_name and "data" in by_name:
+        return {"time": by_name["time"], name: by_name["data"]}
+    if "time" in by_name and "signals" in by_name:
+        signals = np.atleast_1d(by_name["signals"])
+        return {"time": by_name["time"], **{str(s.label) or name: s.values for s in signals}}
+    return fields
 
 
 def _matrices(content: dict[str, Any]) -> Iterator[FloatArray]:

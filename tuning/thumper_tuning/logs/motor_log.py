@@ -47,11 +47,21 @@ class MotorLog:
 
     @property
     def period_s(self) -> float:
-        """Median time between two rows [s]."""
-        return float(np.median(np.diff(self.time_s)[~self.starts_segment[1:]]))
+        """Median time between two measurements [s]."""
+        measured = self.speed_rad_s if self.position_rad is None else self.position_rad
+        assert measured is not None
+        return median_period_s(self.time_s, self.starts_segment, np.isfinite(measured))
 
     @property
     def segments(self) -> list[slice]:
         """The rows of each segment without a gap."""
         edges = [*np.flatnonzero(self.starts_segment).tolist(), len(self.time_s)]
         return [slice(first, last) for first, last in pairwise(edges)]
+
+
+def median_period_s(time_s: FloatArray, starts_segment: BoolArray, measured: BoolArray) -> float:
+    """Return the median time between two rows with a measurement, without gaps [s]."""
+    rows = np.flatnonzero(measured)
+    segment = np.cumsum(starts_segment)[rows]
+    steps = np.diff(time_s[rows])[np.diff(segment) == 0]
+    return float(np.median(steps if len(steps) else np.diff(time_s)))

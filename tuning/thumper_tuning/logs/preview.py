@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper_tuning.logs.columns import Column, Quantity
+from thumper_tuning.logs.column_names import Quantity
+from thumper_tuning.logs.columns import Column
 from thumper_tuning.logs.roles import MotorColumns
 
 UNITS = {

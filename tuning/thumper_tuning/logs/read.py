@@ -6,23 +6,25 @@ from pathlib import Path
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper_tuning.logs.columns import UNITS, Column, Quantity
+from thumper_tuning.logs.column_names import Quantity
+from thumper_tuning.logs.columns import Column
 from thumper_tuning.logs.drive_timing import WARNING as DRIVE_SHIFTED
 from thumper_tuning.logs.drive_timing import acts_before_its_row, shifted
 from thumper_tuning.logs.encoder_counts import find_resets, look_like_counts_per_row, unwrap, unwrap_turns
+from thumper_tuning.logs.guess_units import with_guessed_units
 from thumper_tuning.logs.matlab import read_matlab
 from thumper_tuning.logs.mcap_table import read_mcap_table
-from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
+from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog, median_period_s
 from thumper_tuning.logs.preview import preview
 from thumper_tuning.logs.roles import Choices, MotorColumns, motor_columns
 from thumper_tuning.logs.sampling import IntArray, sort_rows
 from thumper_tuning.logs.sysid_json import read_sysid
 from thumper_tuning.logs.table import LogTable, read_table
-from thumper_tuning.logs.time_unit import guess_time_unit
 from thumper_tuning.logs.units import check_drive, check_speed, check_time, log_error
 
 DEFAULT_COUNTS_PER_REV = 1200.0
 MIN_ROWS = 20
+MIN_SHARE_OF_DRIVES = 0.5  # of the rows with an output; with fewer, other rows hold the drive
 
 
 def read_runs(
@@ -61,20 +63,6 @@ def read_logs(
     return [_motor_log(path, table, name, columns, counts_per_rev) for name, columns in motors.items()]
 
 
-RPM = UNITS[Quantity.SPEED]["rpm"]
-
-
-def _with_time_unit(table: LogTable, columns: MotorColumns) -> tuple[MotorColumns, list[str]]:
-    """Guess the unit of the time if its header names none; return a warning if it is not seconds."""
-    if columns.time.unit_given:
-        return columns, []
-    name, scale = guess_time_unit(table.values[:, columns.time.index])
-    if name == "s":
-        return columns, []
-    note = f"column {columns.time.header!r} names no unit: read as {name}, by the rate of the rows"
-    return replace(columns, time=replace(columns.time, scale=scale)), [note]
-
-
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Rows:
     """The usable rows of one motor in time order, shape (n,) each; warnings collect what was repaired."""
@@ -88,20 +76,13 @@ class _Rows:
 
     @property
     def period_s(self) -> float:
-        return float(np.median(np.diff(self.time_s)[~self.starts_segment[1:]]))
+        return median_period_s(self.time_s, self.starts_segment, np.isfinite(self.output))
 
 
 def _motor_log(
     path: Path, table: LogTable, motor: str, columns: MotorColumns, counts_per_rev: float
 ) -> MotorLog:
-    columns, guesses = _with_time_unit(table, columns)
-    output = columns.output
-    if output.quantity is Quantity.SPEED and not output.unit_given:
-        unit = "rpm" if output.scale == RPM else "rad/s"
-        guesses.append(
-            f"column {output.header!r} names no unit: read as {unit}; else pass --column "
-            f"output={output.header}:UNIT"
-        )
+    columns, guesses = with_guessed_units(columns, table.values)
     values = {column: table.values[:, column.index] * column.scale for _, column in columns.used}
     output_values = values[columns.output]
     values[columns.output] = np.where(np.isfinite(output_values), output_values, np.nan)
@@ -169,8 +150,12 @@ def _apply_direction(rows: _Rows, columns: MotorColumns, direction: FloatArray) 
 def _usable_rows(path: Path, columns: MotorColumns, values: dict[Column, FloatArray]) -> _Rows:
     """Drop rows without time or drive, and sort the others by time."""
     time_s, drive = values[columns.time], values[columns.drive]
-    usable = np.isfinite(time_s) & np.isfinite(drive)
+    measured = np.isfinite(values[columns.output])
     warnings: list[str] = []
+    if measured.any() and np.isfinite(drive[measured]).mean() < MIN_SHARE_OF_DRIVES:
+        drive = _held(drive)
+        warnings.append("drive and output are in different rows: each drive holds until the next one")
+    usable = np.isfinite(time_s) & np.isfinite(drive)
     if (lost := int(len(usable) - usable.sum())) > 0:
         warnings.append(f"{lost} rows without time or drive: dropped")
     if usable.sum() < MIN_ROWS:
@@ -179,7 +164,7 @@ def _usable_rows(path: Path, columns: MotorColumns, values: dict[Column, FloatAr
         )
     rows = np.flatnonzero(usable)
     check_time(time_s[rows], columns.time.header)
-    order, starts_segment, sorting = sort_rows(time_s[rows])
+    order, starts_segment, sorting = sort_rows(time_s[rows], measured[rows])
     rows = rows[order]
     return _Rows(
         rows=rows,
@@ -189,6 +174,12 @@ def _usable_rows(path: Path, columns: MotorColumns, values: dict[Column, FloatAr
         starts_segment=starts_segment,
         warnings=warnings + sorting,
     )
+
+
+def _held(drive: FloatArray) -> FloatArray:
+    """Return the drive of the last row that has one; NaN before the first."""
+    last = np.maximum.accumulate(np.where(np.isfinite(drive), np.arange(len(drive)), -1))
+    return np.where(last >= 0, drive[last], np.nan)
 
 
 def _refer_drive_to_mean_supply(

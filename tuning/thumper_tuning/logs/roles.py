@@ -5,9 +5,9 @@ from enum import Enum
 from pathlib import Path
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper_tuning.logs.column_names import Quantity
 from thumper_tuning.logs.columns import (
     Column,
-    Quantity,
     as_column,
     motor_of,
     parse_header,
@@ -17,6 +17,7 @@ from thumper_tuning.logs.columns import (
 from thumper_tuning.logs.motor_log import DriveUnit
 from thumper_tuning.logs.units import log_error
 
+DATES = ("date", "datum", "fecha", "data")
 OUTPUTS = (Quantity.COUNTS, Quantity.COUNTS_PER_ROW, Quantity.SPEED)
 
 
@@ -97,7 +98,8 @@ def motor_columns(path: Path, headers: tuple[str, ...], choices: Choices) -> dic
     if len(picked.get(Role.OUTPUT, ())) == 1:
         motors = [""]
     else:
-        outputs = picked.get(Role.OUTPUT) or [c for c in columns if c.quantity in OUTPUTS]
+        known = [c for c in columns if c.quantity in OUTPUTS]
+        outputs = picked.get(Role.OUTPUT) or [c for c in known if not c.weak] or known
         motors = sorted({c.motor for c in outputs})
         if len(motors) > 1 and "" in motors:
             motors.remove("")
@@ -146,16 +148,17 @@ def _best(columns: list[Column], motor: str, role: Role) -> Column | None:
     found = [
         (
             bool(column.unknown_unit),
+            column.weak,
             column.motor != motor,
             role.value.index(column.quantity),
-            column.header.strip().lower() == "date",  # beside a column with the time of day
+            column.header.strip().lower() in DATES,  # beside a column with the time of day
             column.index,
         )
         for column in columns
         if column.quantity in role.value and column.motor in (motor, "")
     ]
     best = min(found, default=None)
-    if best is None or (best[0] and role not in (Role.TIME, Role.DRIVE, Role.OUTPUT)):
+    if best is None or ((best[0] or best[1]) and role not in (Role.TIME, Role.DRIVE, Role.OUTPUT)):
         return None
     return next(column for column in columns if column.index == best[-1])
 

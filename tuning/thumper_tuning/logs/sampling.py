@@ -14,21 +14,24 @@ REGULAR_RATIO = 1.6
 GAP_REGULAR, GAP_IRREGULAR = 1.7, 6.0  # periods longer than this many medians are gaps
 
 
-def sort_rows(time_s: FloatArray) -> tuple[IntArray, BoolArray, list[str]]:
+def sort_rows(time_s: FloatArray, measured: BoolArray) -> tuple[IntArray, BoolArray, list[str]]:
     """Return the rows to keep in time order, where segments start, and warnings.
 
     If time falls back by a few rows, the rows were out of order and are sorted. If it falls back further, the
-    clock restarted and a new segment starts. Of several rows at the same time, the first is kept.
+    clock restarted and a new segment starts. Of several rows at the same time, the first with an output is
+    kept; `measured` marks these.
     """
     warnings: list[str] = []
     steps = np.diff(time_s)
-    period_s = float(np.median(steps[steps > 0]))
+    between = np.diff(time_s[measured])  # other rows may hold the drive alone
+    between = between if (between > 0).any() else steps
+    period_s = float(np.median(between[between > 0]))
     restarts = np.flatnonzero(steps < -10.0 * period_s) + 1
     order: list[int] = []
     starts: list[bool] = []
     unordered = repeated = gap_count = 0
     for part in np.split(np.arange(len(time_s)), restarts):
-        ranks = np.argsort(time_s[part], kind="stable")
+        ranks = np.lexsort((~measured[part], time_s[part]))
         unordered += int(np.sum(np.diff(time_s[part]) < 0))
         kept = part[ranks]
         is_new_time = np.concatenate(([True], np.diff(time_s[kept]) > 1e-3 * period_s))

@@ -1,5 +1,6 @@
 """Read a table of numbers from a text file with any separator, decimal sign and preamble."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,9 +9,11 @@ import numpy as np
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.files import read_bytes
 from thumper.common.geometry import FloatArray
-from thumper_tuning.logs.columns import Quantity, parse_header
-from thumper_tuning.logs.dialect import SEPARATORS, find_dialect, split_cells, to_number
-from thumper_tuning.logs.serial_monitor import pairs_to_rows, split_stamps
+from thumper_tuning.logs.column_names import Quantity
+from thumper_tuning.logs.columns import is_known, parse_header
+from thumper_tuning.logs.dialect import SEPARATORS, find_dialect, is_comment, misfit, split_cells, with_units
+from thumper_tuning.logs.numbers import read_columns
+from thumper_tuning.logs.serial_monitor import pairs_to_rows, plotted_to_rows, split_stamps
 
 MAX_MB = 200.0  # an hour at 100 Hz takes 20
 
@@ -32,27 +35,41 @@ def read_table(path: Path) -> LogTable:
     ThumperError
         The file cannot be read, or holds no table of numbers.
     """
-    lines = [line for line in _read_text(path).splitlines() if line.strip() and not _is_comment(line)]
-    lines, stamps_s = split_stamps(lines)
-    if (rows_of_pairs := pairs_to_rows(lines)) is not None:
-        lines = rows_of_pairs
-        stamps_s = None if stamps_s is None else np.append(np.nan, stamps_s)  # the header has none
-    dialect = find_dialect(lines)
+    texts = list(_decoded(_content(path)))
+    found = [(lines, find_dialect(lines), stamps_s) for lines, stamps_s in map(_lines, texts)]
+    lines, dialect, stamps_s = max(found, key=lambda one: one[1].known if one[1] is not None else -1)
     if dialect is None:
-        raise ThumperError(
-            f"{path}: no line names the columns; add one on top, for example time_s,pwm,counts",
-            exit_code=EXIT_CHECK_FAILED,
-        )
-    rows = [split_cells(line, dialect.separator) for line in lines[dialect.first_row :]]
-    values = np.full((len(rows), len(dialect.headers)), np.nan)
-    for k, row in enumerate(rows):
-        for j, cell in enumerate(row[: len(dialect.headers)]):
-            values[k, j] = to_number(cell)
-    headers = dialect.headers
+        wrong = misfit(lines) or "no line names the columns; add one on top, for example time_s,pwm,counts"
+        raise ThumperError(f"{path}: {wrong}", exit_code=EXIT_CHECK_FAILED)
+    kept = [k for k in range(dialect.first_row, len(lines)) if not is_comment(lines[k])]
+    rows = [split_cells(lines[k], dialect.separator) for k in kept]
+    columns = [[row[j] if j < len(row) else "" for row in rows] for j in range(len(dialect.headers))]
+    parsed = read_columns(columns, dialect.separator)
+    headers = with_units(dialect.headers, [unit for _, unit in parsed])
+    if columns and not headers[0] and any(":" in cell for cell in columns[0]):
+        headers = ("time", *headers[1:])  # the index of a pandas table
+    values = np.array([numbers for numbers, _ in parsed]).reshape(len(headers), len(rows)).T
     if stamps_s is not None and not any(_is_time(header) for header in headers):
         headers = ("timestamp_s", *headers)
-        values = np.column_stack((stamps_s[dialect.first_row :], values))
+        values = np.column_stack((stamps_s[kept], values))
     return LogTable(headers=headers, values=values)
+
+
+def _lines(text: str) -> tuple[list[str], FloatArray | None]:
+    """Return the lines of the table, and the stamps of a serial monitor before them [s]."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    first = next((k for k, line in enumerate(lines) if not is_comment(line)), 0)
+    lines = [line for k, line in enumerate(lines) if k < first or not is_comment(line) or _is_header(line)]
+    lines, stamps_s = split_stamps(lines)
+    rows_of_pairs = pairs_to_rows(lines) or plotted_to_rows(lines)
+    if rows_of_pairs is None:
+        return lines, stamps_s
+    return rows_of_pairs, None if stamps_s is None else np.append(np.nan, stamps_s)  # the header has none
+
+
+def _is_header(line: str) -> bool:
+    """Return whether a comment names columns, as numpy's `savetxt` writes it."""
+    return any(sum(map(is_known, split_cells(line, separator))) > 1 for separator in SEPARATORS)
 
 
 def _is_time(header: str) -> bool:
@@ -60,26 +77,25 @@ def _is_time(header: str) -> bool:
     return column is not None and column.quantity is Quantity.TIME
 
 
-def _read_text(path: Path) -> str:
+def _content(path: Path) -> bytes:
     try:
         data = read_bytes(path, MAX_MB)
     except OSError as error:
         raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
+    if data.startswith(b"PK"):
+        raise ThumperError(f"{path}: a workbook; save the sheet as CSV", exit_code=EXIT_CHECK_FAILED)
+    return data
+
+
+def _decoded(data: bytes) -> Iterator[str]:
+    """Yield the text; of an 8-bit code, in Western and Central European, as the header tells which."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return data.decode("utf-16", errors="replace")
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
-
-
-def _is_comment(line: str) -> bool:
-    """Return whether the line is a comment. numpy's savetxt writes the header as one: that is none."""
-    stripped = line.lstrip()
-    if not stripped.startswith(("#", "%", "//")):
-        return False
-    return not any(
-        len(cells := split_cells(stripped, separator)) > 1
-        and sum(parse_header(cell, 0) is not None for cell in cells) > 1
-        for separator in SEPARATORS
-    )
+        yield data.decode("utf-16", errors="replace")
+    elif data[1:8:2] == bytes(4):
+        yield data.decode("utf-16-le", errors="replace")
+    else:
+        try:
+            yield data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            yield data.decode("cp1252", errors="replace")
+            yield data.decode("cp1250", errors="replace")
