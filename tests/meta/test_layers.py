@@ -76,7 +76,7 @@ IDENTIFY = (
     "least_squares",
     "initial_guess sensor_window",
     "fit",
-    "cross_validation",
+    "cross_validation exponential_filter",
     "stretches",
     "excitation_checks fit_warnings richer_models",
     "compare_models",

@@ -1,5 +1,9 @@
 """Logged speeds are means over a sensor's window: the fit estimates it, and its uncertainty counts."""
 
+import math
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmarks.shared.wheel_plant import Wheel, steps_and_prbs
@@ -73,3 +77,24 @@ def test_a_long_delay_in_fast_rows_is_found() -> None:
 def test_a_delay_beyond_the_search_is_not_determined() -> None:
     with pytest.raises(UndeterminedError, match="does not determine the delay: the fit ends at its limit"):
         identify([speed_log(0.02, 0.02, 0.75, seconds=16.0)])
+
+
+def low_passed(log: MotorLog, filter_s: float) -> MotorLog:
+    """Return the log with its speeds smoothed as `speed += share * (raw - speed)`."""
+    assert log.speed_rad_s is not None
+    share, smooth = -math.expm1(-log.period_s / filter_s), [0.0]
+    for raw in log.speed_rad_s[1:]:
+        smooth.append(smooth[-1] + share * (raw - smooth[-1]))
+    return replace(log, speed_rad_s=np.array(smooth))
+
+
+def test_a_low_pass_is_told_from_a_window() -> None:
+    """It may hide behind the motor's time constant: the warning and the standard deviation include it."""
+    motor = identify([low_passed(speed_log(0.02, 0.02, 0.0, seconds=16.0), 0.04)])
+    (warning,) = [text for text in motor.warnings if "low-pass" in text]
+    times_ms = [float(text) for text in re.findall(r"\b(\d+) (?:ms|and)", warning)]
+    assert any(ms == pytest.approx(1e3 * TAU_S, rel=0.1) for ms in times_ms)
+    assert any(ms == pytest.approx(40.0, rel=0.1) for ms in times_ms)
+    assert motor.model.time_constant_s == pytest.approx(TAU_S, abs=2.0 * motor.uncertainty.time_constant_s)
+    averaged = identify([speed_log(0.1, 0.02, 0.0, seconds=16.0)])
+    assert not any("low-pass" in text for text in averaged.warnings)

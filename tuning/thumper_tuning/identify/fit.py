@@ -9,7 +9,7 @@ from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.initial_guess import InitialGuess, initial_guesses
 from thumper_tuning.identify.least_squares import FitData, solve, weights
 from thumper_tuning.identify.model import MotorModel, Uncertainty
-from thumper_tuning.identify.segments import LogSegment
+from thumper_tuning.identify.segments import LogSegment, thinned
 from thumper_tuning.identify.sensor_window import with_window_spread
 from thumper_tuning.logs.motor_log import BoolArray
 
@@ -40,10 +40,11 @@ def fit_motor(segments: list[LogSegment]) -> Fit | None:
     The guesses of a log of speeds have several sensor's windows; the fit then estimates the window.
     """
     data = FitData(segments=segments)
-    starts = [data.with_sensor_window(window_s) for window_s in _start_windows_s(data)]
-    guesses = [(guess, start) for start in starts for guess in initial_guesses(start)]
+    few = FitData(segments=thinned(segments))
+    starts = [few.with_sensor_window(window_s) for window_s in _start_windows_s(few)]
+    guesses = [(guess, start.sensor_window_s) for start in starts for guess in initial_guesses(start)]
     guesses.sort(key=lambda found: found[0].residual_rad_s)
-    fits = [_fit_from(start, guess) for guess, start in guesses[:MAX_GUESSES]]
+    fits = [_fit_from(data.with_sensor_window(window_s), guess) for guess, window_s in guesses[:MAX_GUESSES]]
     return min(fits, key=lambda fit: fit.cost) if fits else None
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.cross_validation import Validation
+from thumper_tuning.identify.exponential_filter import FilteredModel
 from thumper_tuning.identify.fit import Fit
 from thumper_tuning.identify.segments import LogSegment, all_speeds, median_window_s
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
@@ -83,6 +84,23 @@ def _sensor_warnings(window_s: float, std_s: float, logs: list[MotorLog]) -> Ite
         yield f"the logged speeds are averaged over {1e3 * window_s:.0f} ms: log counts or raw speeds"
     elif window_s + SENSOR_SIGMAS * std_s < INSTANTANEOUS_ROWS * row_s:
         yield "the logged speeds are instantaneous values, not means over the row's interval"
+
+
+def filter_warnings(fit: Fit, filtered: list[FilteredModel]) -> Iterator[str]:
+    """Warn if a low-pass explains the logged speeds better than the window of the fit."""
+    if not filtered:
+        return
+    best = filtered[0]
+    motor_ms, filter_ms = 1e3 * best.model.time_constant_s, 1e3 * best.filter_s
+    found = (
+        f"one of {filter_ms:.0f} ms, and the motor's time constant is {motor_ms:.0f} ms"
+        if len(filtered) == 1
+        else f"{motor_ms:.0f} and {filter_ms:.0f} ms are those of motor and filter, or the reverse"
+    )
+    yield (
+        f"the logged speeds passed a low-pass, not a window: {found}, not "
+        f"{1e3 * fit.model.time_constant_s:.0f} ms; log counts or raw speeds"
+    )
 
 
 def _delay_warnings(fit: Fit) -> Iterator[str]:

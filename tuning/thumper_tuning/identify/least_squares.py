@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper_tuning.identify.covariance import jacobian, sandwich_covariance
+from thumper_tuning.identify.covariance import correlated_lags, jacobian, sandwich_covariance
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.prediction import predict
 from thumper_tuning.identify.segments import LogSegment, all_speeds, median_window_s
@@ -202,7 +202,9 @@ def solve(
     model = scaling.model(all_of(x), start)
     covariance = np.zeros((len(x0), len(x0)))
     J = jacobian(scaled_residuals, x, low[free], high[free])
-    covariance[np.ix_(free, free)] = sandwich_covariance(J, scaled_residuals(x))
+    covariance[np.ix_(free, free)] = sandwich_covariance(
+        J, scaled_residuals(x), correlated_lags(scaling.period_s)
+    )
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     friction_std = float(np.sqrt(max(covariance[2:4, 2:4].sum(), 0.0))) * 0.5  # of the mean of both
     uncertainty = Uncertainty(

@@ -15,8 +15,9 @@ from thumper_tuning.identify.excitation_checks import (
     check_result,
     turns_one_way,
 )
+from thumper_tuning.identify.exponential_filter import FilteredModel, fit_filtered
 from thumper_tuning.identify.fit import Fit, fit_motor
-from thumper_tuning.identify.fit_warnings import fit_warnings
+from thumper_tuning.identify.fit_warnings import filter_warnings, fit_warnings
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.richer_models import RicherModel, fit_richer_models, fit_second_order
 from thumper_tuning.identify.saturation import with_ceiling
@@ -128,13 +129,15 @@ def identify(logs: list[MotorLog]) -> IdentifiedMotor:
         other = "backward" if _turns_forward(segments) else "forward"
         warnings.append(f"one direction only: the {other} friction is not determined")
     by_kind = fit_by_kind(segments, fit, validation)
+    filtered = fit_filtered(segments, fit)
     warnings += fit_warnings(logs, segments, fit, validation, by_kind)
+    warnings += filter_warnings(fit, filtered)
     supplies = [log.supply_V for log in logs if log.supply_V is not None]
     return IdentifiedMotor(
         name=name,
         unit=logs[0].drive_unit,
         model=fit.model,
-        uncertainty=_with_hidden_delay(fit),
+        uncertainty=_with_filter(_with_hidden_delay(fit), fit, filtered),
         validation=validation,
         fit=fit,
         segments=tuple(segments),
@@ -176,6 +179,13 @@ def _with_hidden_delay(fit: Fit) -> Uncertainty:
     if fit.model.delay_s > 0.0 or fit.sensor_window_s is not None:
         return std
     return replace(std, time_constant_s=math.hypot(std.time_constant_s, std.delay_s))
+
+
+def _with_filter(std: Uncertainty, fit: Fit, filtered: list[FilteredModel]) -> Uncertainty:
+    """Add how far the time constant would be from that of a motor behind a low-pass."""
+    tau_s = fit.model.time_constant_s
+    error_s = max((abs(one.model.time_constant_s - tau_s) for one in filtered), default=0.0)
+    return replace(std, time_constant_s=math.hypot(std.time_constant_s, error_s))
 
 
 def _best_fit(segments: list[LogSegment]) -> Fit | None:

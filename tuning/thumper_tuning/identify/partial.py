@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper_tuning.identify.covariance import jacobian, sandwich_covariance
+from thumper_tuning.identify.covariance import correlated_lags, jacobian, sandwich_covariance
 from thumper_tuning.identify.cross_validation import fit_percent
 from thumper_tuning.identify.excitation_checks import RECORD, UndeterminedError
 from thumper_tuning.identify.fit import GLITCH_SIGMAS, SIGNIFICANT_DELAY_SIGMAS, find_glitches
@@ -240,8 +240,9 @@ class _Problem:
 
     def std(self, x: FloatArray, use: BoolArray, scale: float) -> FloatArray:
         low, high = self.bounds(len(x))
+        lags = correlated_lags(self.data.period_s)
         J = jacobian(partial(self.residuals, use=use, scale=scale), x, np.array(low), np.array(high))
-        found: FloatArray = np.sqrt(np.diag(sandwich_covariance(J, self.residuals(x, use, scale))))
+        found: FloatArray = np.sqrt(np.diag(sandwich_covariance(J, self.residuals(x, use, scale), lags)))
         return found
 
 

@@ -16,7 +16,7 @@ IndexArray = NDArray[np.intp]
 MIN_WINDOW_S = 0.01
 COARSE_COUNTS = 4.0  # with fewer counts per window the fit would mostly see rounding ...
 MAX_MERGED_WINDOW_S = 0.05  # ... but longer windows would hide the time constant
-# Of a log with more rows of speeds than this, only every n-th is fitted: the others only cost time.
+# Of a log with more rows of speeds than this, only every n-th gives the first guess: the others cost time.
 MANY_ROWS, MAX_SPEED_PERIOD_S = 2000, 0.025
 IRREGULAR = 0.05  # rows: this share of them differs by this share
 AT_REST_QUANTA = 0.6
@@ -144,8 +144,6 @@ def _segment(log: MotorLog, rows: slice) -> LogSegment | None:
     values = log.speed_rad_s if log.position_rad is None else log.position_rad
     assert values is not None
     known = np.flatnonzero(np.isfinite(values[rows]))
-    if log.position_rad is None:
-        known = known[:: speed_stride(log)]
     if len(known) < 3:
         return None
     y = values[rows][known]
@@ -187,15 +185,20 @@ def _starts_slow(drive: FloatArray, speed: FloatArray) -> bool:
     return bool(drive[0] != 0.0 and abs(speed[0]) <= SLOW * np.percentile(np.abs(speed), 90))
 
 
-def speed_stride(log: MotorLog) -> int:
-    """Return n if every n-th speed is fitted: 1, or more in a long log with fast rows.
+def thinned(segments: list[LogSegment]) -> list[LogSegment]:
+    """Return a log of many fast rows of speeds with every n-th of them, for a first guess.
 
-    Each speed still is the mean over its own row's interval.
+    Each speed still is the mean over the sensor's window, or over its own row's interval.
     """
-    if log.position_rad is not None:
-        return 1
-    wanted = math.ceil(len(log.time_s) / MANY_ROWS)
-    return max(1, min(wanted, math.floor(MAX_SPEED_PERIOD_S / log.period_s + 0.01)))
+    rows, period_s = len(all_speeds(segments)), median_window_s(segments)
+    n = min(math.ceil(rows / MANY_ROWS), math.floor(MAX_SPEED_PERIOD_S / period_s + 0.01))
+    if n <= 1 or segments[0].sensor_window_s is None:
+        return segments
+    return [
+        replace(s, edge_s=s.edge_s[::n], speed_rad_s=s.speed_rad_s[n - 1 :: n])
+        for s in segments
+        if len(s.speed_rad_s) >= n
+    ]
 
 
 def _quantum(log: MotorLog, speed: FloatArray, windows_s: FloatArray) -> float:

@@ -11,12 +11,12 @@ from dataclasses import replace
 import numpy as np
 
 from thumper.common.geometry import FloatArray
+from thumper_tuning.identify.covariance import correlated_lags, correlation_factor
 from thumper_tuning.identify.least_squares import FitData, weights
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.logs.motor_log import BoolArray
 
 POINTS = 16
-MAX_CORRELATION = 0.9
 
 
 def with_window_spread(
@@ -55,7 +55,5 @@ def _mean_age_s(window_s: float, tau_s: float) -> float:
 
 def _minus_log_likelihood(data: FitData, model: MotorModel, use: BoolArray, scale_rad_s: float) -> float:
     residual: FloatArray = data.residuals(model)[use] * weights(data.segments)[use] / scale_rad_s
-    correlation = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-12)
-    correlation = min(max(correlation, 0.0), MAX_CORRELATION)
     loss = float(np.sum(np.sqrt(1.0 + residual**2) - 1.0))
-    return loss * (1.0 - correlation) / (1.0 + correlation)
+    return loss / correlation_factor(residual, correlated_lags(data.period_s))
