@@ -177,6 +177,8 @@ def test_drive_and_output_in_different_rows(tmp_path: Path, lead_s: float) -> No
     (log,) = read_logs(path)
     changes_s = log.time_s[1:][np.diff(log.drive) != 0.0]
     np.testing.assert_allclose(changes_s % 0.1, np.round(changes_s % 0.1 / 0.1) * 0.1, atol=1e-6)
+    assert log.position_rad is not None
+    assert np.isfinite(log.position_rad).sum() >= ROWS - 1
     assert log.period_s == pytest.approx(0.1, abs=1e-6)
     assert log.starts_segment.sum() == 1
     assert any("names no unit: read as rad" in warning for warning in log.warnings)

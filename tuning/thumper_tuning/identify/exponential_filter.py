@@ -33,7 +33,7 @@ class FilteredModel:
 def fit_filtered(segments: list[LogSegment], fit: Fit) -> list[FilteredModel]:
     """Return motors behind a first-order low-pass that explain the speeds better than a window, best first.
 
-    Two differ in which of the two time constants is the motor's, if the log does not tell. Empty: counts,
+    Two differ in which of the two time constants is the motor's, if the log does not show it. Empty: counts,
     speeds that are not smoothed, or a window explains them as well.
     """
     window_s = fit.sensor_window_s

@@ -21,7 +21,14 @@ from thumper_tuning.identify.fit_warnings import filter_warnings, fit_warnings
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.richer_models import RicherModel, fit_richer_models, fit_second_order
 from thumper_tuning.identify.saturation import with_ceiling
-from thumper_tuning.identify.segments import LogSegment, is_regular, split_segments, with_sensor_window
+from thumper_tuning.identify.segments import (
+    LogSegment,
+    all_speeds,
+    is_regular,
+    split_segments,
+    thinned,
+    with_sensor_window,
+)
 from thumper_tuning.identify.stretches import fit_by_kind
 from thumper_tuning.identify.systems import continuous_system, counted_system, friction_system
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
@@ -80,18 +87,31 @@ class IdentifiedMotor:
 
     def second_order(self) -> RicherModel:
         """Return the second-order grey box (thesis, eq. 3.3, with friction), fitted to the same data."""
-        return fit_second_order(list(self.segments), self.fit)
+        return fit_second_order(*self._thinned())
 
     def compare(self, *, backlash: bool = False) -> list[ComparedModel]:
         """Return models of this motor with their validation fit; `backlash` adds that grey box (seconds)."""
-        segments = list(self.segments)
+        segments, fit = self._thinned()
         return compare_models(
             segments,
-            self.fit,
+            fit,
             self.validation.fit_percent,
-            fit_richer_models(segments, self.fit, backlash=backlash),
+            fit_richer_models(segments, fit, backlash=backlash),
             self.period_s,
         )
+
+    def _thinned(self) -> tuple[list[LogSegment], Fit]:
+        """Return the rows that the richer models are fitted to: they are simulated in small steps."""
+        ends = np.cumsum([len(s.speed_rad_s) for s in self.segments])
+        numbered = [
+            replace(s, speed_rad_s=np.arange(end - len(s.speed_rad_s), end, dtype=float))
+            for s, end in zip(self.segments, ends, strict=True)
+        ]
+        rows = all_speeds(thinned(numbered)).astype(int)
+        fit = replace(
+            self.fit, residual_rad_s=self.fit.residual_rad_s[rows], is_glitch=self.fit.is_glitch[rows]
+        )
+        return thinned(list(self.segments)), fit
 
 
 def identify(logs: list[MotorLog]) -> IdentifiedMotor:

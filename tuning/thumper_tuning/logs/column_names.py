@@ -22,7 +22,7 @@ class Quantity(Enum):
     DIRECTION = "direction"
 
 
-# Ratio, percent or PWM: without a unit, their size tells.
+# Ratio, percent or PWM: without a unit, their size says it.
 DUTY_NAMES = frozenset(
     ("duty", "dutycycle", "duty cycle", "tastverhaltnis", "tastgrad", "ciclo de trabajo", "ciclo trabajo",
      "ciclo de trabalho", "ciclo ativo", "razao ciclica", "rapport cyclique", "strida", "wypelnienie")

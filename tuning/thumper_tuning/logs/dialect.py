@@ -23,7 +23,6 @@ class Dialect:
     headers: tuple[str, ...]
     first_row: int  # index into the lines
     known: int  # headers that name a quantity
-    fitting: float  # share of the first rows with as many cells as headers
 
 
 def find_dialect(lines: list[str]) -> Dialect | None:
@@ -34,7 +33,7 @@ def find_dialect(lines: list[str]) -> Dialect | None:
     unnamed: Dialect | None = None
     for number, line in enumerate(lines[:MAX_PREAMBLE_LINES]):
         found = [d for separator in SEPARATORS if (d := _read_header(line, separator, lines, number))]
-        best = max(found, key=lambda d: (d.known >= 2, d.fitting, d.known), default=None)
+        best = max(found, key=lambda dialect: dialect.known, default=None)
         if best is not None and best.known >= 2:
             return _with_unit_row(best, lines)
         if unnamed is None and best is not None and not (is_comment(line) and best.known == 0):
@@ -69,15 +68,13 @@ def _read_header(line: str, separator: str, lines: list[str], number: int) -> Di
         headers = re.split(r"\s{2,}", line.strip())  # names of several words, aligned
     if len(headers) < 2 or not rows or any(map(is_bare_number, headers)):
         return None
-    numeric = [row for row in rows if _is_numeric(row, len(headers))]
-    if not numeric or len(numeric) < MIN_NUMERIC_ROWS * len(rows):
+    if sum(_is_numeric(row, len(headers)) for row in rows) < MIN_NUMERIC_ROWS * len(rows):
         return None
     return Dialect(
         separator=separator,
         headers=tuple(headers),
         first_row=number + 1,
         known=sum(map(is_known, headers)),
-        fitting=sum(len(row) == len(headers) for row in numeric) / len(numeric),
     )
 
 
@@ -115,7 +112,7 @@ def _without_header(lines: list[str]) -> Dialect | None:
         columns = len(rows[0]) if rows else 0
         if columns >= 2 and all(len(row) == columns and _is_numeric(row, columns) for row in rows):
             headers = tuple(str(k + 1) for k in range(columns))
-            return Dialect(separator=separator, headers=headers, first_row=0, known=0, fitting=1.0)
+            return Dialect(separator=separator, headers=headers, first_row=0, known=0)
     return None
 
 

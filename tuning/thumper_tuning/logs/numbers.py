@@ -8,7 +8,7 @@ from datetime import date
 # What separates thousands and can be nothing else, and the true minus sign.
 PLAIN = str.maketrans({"\u2212": "-", **dict.fromkeys("\u00a0\u202f\u2009'\u2019", " ")})
 GROUPS_OF_BLANKS = re.compile(r"(?<=\d) (?=\d{3}(?!\d))")
-# May be thousands, may be three decimals: only the rest of the column tells.
+# May be thousands, may be three decimals: only the rest of the column shows it.
 AMBIGUOUS = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
 THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:([.,])\d{3})(?:\1\d{3})*(?:(?!\1)[.,]\d*)?")
 INTEGER = re.compile(r"[-+]?([1-9]\d*)")

@@ -88,7 +88,7 @@ def _content(path: Path) -> bytes:
 
 
 def _decoded(data: bytes) -> Iterator[str]:
-    """Yield the text; of an 8-bit code, in Western and Central European, as the header tells which."""
+    """Yield the text; of an 8-bit code, in Western and Central European, as the header shows which."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         yield data.decode("utf-16", errors="replace")
     elif data[1:8:2] == bytes(4):
