@@ -26,6 +26,18 @@ OCR2A, OCR2B = 0xB3, 0xB4
 DDRB, DDRD = 0x24, 0x2A
 PORTB, PORTD, MCUSR, TCCR2A = 0x25, 0x2B, 0x54, 0xB0
 MOTORS_B, MOTORS_D, FORWARD = 0b1110, 0b11100, 1 << 2
+SET_AT_START = {
+    **dict.fromkeys((DDRB, PORTB), 0b11_1110),  # motor and encoder pins
+    **dict.fromkeys((DDRD, PORTD), 0b111_1100),
+    **dict.fromkeys((0x44, 0x45, 0x47, 0x48, 0x6E), 0xFF),  # TCCR0A, TCCR0B, OCR0A, OCR0B, TIMSK0
+    **dict.fromkeys((0x80, 0x81, 0x88, 0x89, 0x6F), 0xFF),  # TCCR1A, TCCR1B, OCR1A, TIMSK1
+    **dict.fromkeys((TCCR2A, 0xB1, OCR2A, OCR2B), 0xFF),  # and TCCR2B
+    **dict.fromkeys((0x68, 0x6B, 0x6D), 0xFF),  # PCICR, PCMSK0, PCMSK2
+    **dict.fromkeys((0xC1, 0xC2, 0xC4, 0xC5), 0xFC),  # UCSR0B, UCSR0C, UBRR0
+    **dict.fromkeys((0x4A, 0x4B), 0xFF),  # GPIOR1, GPIOR2: indices of the serial port's rings
+    0x53: 0b1110,  # SMCR: the sleep mode
+}
+"""Registers and their bits that the start must set."""
 CYCLE_S = 1.0 / 16e6
 JMP_0 = bytes((0x0C, 0x94, 0x00, 0x00))
 SLEEP = bytes((0x88, 0x95))
@@ -145,6 +157,9 @@ def test_the_watchdog_takes_the_motor_pins_from_the_timer_at_once() -> None:
     run_for(chip, 20 * CYCLE_S)
     assert (chip.data(PORTB) & MOTORS_B, chip.data(PORTD) & MOTORS_D) == (0, 0)
     assert min(chip.data(OCR2A), chip.data(OCR2B)) > 0, "before the restart touches the timer"
+    while not chip.data(TCCR2A):
+        run_for(chip, 50 * CYCLE_S)
+    assert (chip.data(OCR2A), chip.data(OCR2B)) == (0, 0), "the timer gets them back without a duty"
 
 
 def test_a_restart_is_told_once() -> None:
@@ -174,6 +189,24 @@ def test_a_jump_to_the_start_releases_brakes_and_motors() -> None:
     chip.poke(PORTD, chip.data(PORTD) | MOTORS_D)
     run_for(chip, 0.02)
     assert (chip.data(PORTB) & MOTORS_B, chip.data(PORTD) & MOTORS_D) == (FORWARD, FORWARD)
+
+
+def test_a_restart_sets_every_register_as_a_reset_does() -> None:
+    """A jump to address 0 resets no register: whatever they hold, the start must set them."""
+    chip = InstrumentedChip(ELF)
+    run_for(chip, 0.02)
+    expected = {register: chip.data(register) & bits for register, bits in SET_AT_START.items()}
+    address = find(chip, SLEEP)
+    code = chip.read_flash(address, len(JMP_0))
+    chip.write_flash(address, JMP_0)  # it starts again and again
+    run_for(chip, 0.002)
+    for register, bits in SET_AT_START.items():
+        chip.poke(register, chip.data(register) ^ bits)
+    run_for(chip, 0.01)
+    chip.write_flash(address, code)
+    run_for(chip, 0.01)
+    assert {register: chip.data(register) & bits for register, bits in SET_AT_START.items()} == expected
+    assert identity(chip) is not None
 
 
 def test_a_permanent_hang_keeps_the_motors_off() -> None:
