@@ -66,3 +66,12 @@ def test_lines_on_the_terminal_keep_their_brackets(capsys: pytest.CaptureFixture
     progress = ConsoleProgress(console=Console(width=200), report_progress=lambda *_: None)
     progress.report_line("read time: column 'time_s' [s, 0.00 ... 21.30]")
     assert "[s, 0.00 ... 21.30]" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["tune", "tune record", "experiment speed"])
+def test_the_board_may_have_another_baud_rate(tmp_path: Path, command: str) -> None:
+    """That of the simulated board is 500 000."""
+    options = ["--board", "sim://baud/board", "--baud", "250000", "--out", str(tmp_path), "--yes"]
+    done = subprocess.run([THUMPER, *command.split(), *options], capture_output=True, text=True, check=False)
+    assert done.returncode == 3
+    assert "the data at 250000 baud is not the Thumper protocol" in done.stderr

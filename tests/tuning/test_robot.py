@@ -47,6 +47,7 @@ def test_one_command_tunes_the_robot(tmp_path: Path, positions_m: list[float]) -
     with (tmp_path / "out.txt").open("w") as text:
         tune_robot(
             "sim://tune_all/board?world=hall",
+            500_000,
             tmp_path,
             TuneOptions(),
             yes=True,
@@ -99,6 +100,7 @@ def test_an_interrupted_tuning_restores_the_old_gains(tmp_path: Path) -> None:
     with (tmp_path / "out.txt").open("w") as text, pytest.raises(ThumperError, match="interrupted"):
         tune_robot(
             "sim://tune_short/board",
+            500_000,
             tmp_path,
             TuneOptions(
                 verify=VerifyOptions(speed_rad_s=4.0, hold_s=0.5, accelerations_rad_s2=(8.0,)),

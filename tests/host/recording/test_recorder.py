@@ -83,6 +83,16 @@ def test_messages_without_a_time_take_that_of_their_neighbours(tmp_path: Path) -
     assert messages == [(topic, EPOCH_NS + 7) for topic in ("/session", "/wheels", "/session")]
 
 
+def test_times_never_decrease_in_the_file(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path, RUN)
+    for time_ns in (7, 3, 9):
+        recorder.add_cdr("command", "std_msgs/msg/String", EPOCH_NS + time_ns, encode(text("arm")))
+    recorder.close()
+    with recorder.files[0].open("rb") as stream:
+        in_file_order = mcap.reader.make_reader(stream).iter_messages(log_time_order=False)
+        assert [message.log_time - EPOCH_NS for _, _, message in in_file_order] == [7, 7, 9]
+
+
 def test_mcap_ros2_decodes_every_message(recording: Path) -> None:
     seen: Counter[str] = Counter()
     with recording.open("rb") as stream:

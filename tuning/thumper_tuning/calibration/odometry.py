@@ -87,14 +87,14 @@ def _drive(
     source: DriveSource, config: RobotConfig, options: CourseOptions, console: Console
 ) -> tuple[FloatArray, LidarReference | None]:
     """Drive the course; return the counts, and the reference if there is a lidar."""
-    with open_board(source.board) as board, progress_bar(console, "odometry") as report_progress:
+    with open_board(source.board, config.board.baud) as board, progress_bar(console, "odometry") as bar:
         lidar = None
         if source.lidar:
             lidar = open_lidar(LidarOptions(model=source.lidar_model, port=source.lidar))
         try:
             reference = LidarReference(config, lidar) if lidar else None
             on_sample = reference.add_sample if reference else lambda _: None
-            counts = drive_course(board, course(options), config.drive, report_progress, on_sample)
+            counts = drive_course(board, course(options), config.drive, bar, on_sample)
         finally:
             if lidar:
                 lidar.close()

@@ -135,6 +135,7 @@ def _odometry(
 @experiment.command("speed")
 def experiment_speed(
     board: Board = "/dev/ttyUSB0",
+    baud: Annotated[int, typer.Option(help="Baud rate of the board's firmware.", min=1)] = 500_000,
     out: Out = Path("out/experiment"),
     hold: Annotated[float, typer.Option(help="How long to hold 8 rad/s, in seconds.", min=0.0)] = 8.0,
     yes: Yes = False,
@@ -151,5 +152,5 @@ def experiment_speed(
     from thumper_tuning.drive.verify import VerifyOptions
 
     prepare_output(out)
-    with open_board(board) as robot:
+    with open_board(board, baud) as robot:
         run_speed_experiment(robot, VerifyOptions(hold_s=hold), out, Console(), yes=yes)

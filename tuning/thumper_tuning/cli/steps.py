@@ -42,9 +42,11 @@ class ConsoleProgress:
         return work()
 
 
-def record_on(board_url: str, out: Path, options: ExcitationOptions, *, yes: bool, console: Console) -> None:
+def record_on(
+    board_url: str, baud: int, out: Path, options: ExcitationOptions, *, yes: bool, console: Console
+) -> None:
     """Drive the identification experiment."""
-    with open_board(board_url) as board:
+    with open_board(board_url, baud) as board:
         room = f"a lane {LANE_WIDTH_M:g} m wide, {options.lane_m:g} m ahead and as much behind"
         confirm_room(room, console, yes=yes)
         with progress_bar(console, "recording") as report_progress:
@@ -71,10 +73,17 @@ def design_from_motors(
 
 
 def verify_on(
-    board_url: str, gains: BoardGains, out: Path, options: VerifyOptions, *, yes: bool, console: Console
+    board_url: str,
+    baud: int,
+    gains: BoardGains,
+    out: Path,
+    options: VerifyOptions,
+    *,
+    yes: bool,
+    console: Console,
 ) -> None:
     """Drive the trapezoids with these gains and print the tracking error."""
-    with open_board(board_url) as board:
+    with open_board(board_url, baud) as board:
         lane_m = options.lane_m(board.identity.wheel_radius_mm / 1000.0)
         confirm_room(f"a lane {LANE_WIDTH_M:g} m wide, {lane_m:.1f} m ahead", console, yes=yes)
         with progress_bar(console, "verifying") as report_progress:
@@ -83,14 +92,16 @@ def verify_on(
             console.print(line, markup=False)
 
 
-def tune_robot(board_url: str, out: Path, options: TuneOptions, *, yes: bool, console: Console) -> None:
+def tune_robot(
+    board_url: str, baud: int, out: Path, options: TuneOptions, *, yes: bool, console: Console
+) -> None:
     """Run the whole procedure; save the new gains on the board if confirmed.
 
     If it is interrupted, the board gets its old gains back.
     """
     import typer
 
-    with open_board(board_url) as board:
+    with open_board(board_url, baud) as board:
         lane_m = options.verify.lane_m(board.identity.wheel_radius_mm / 1000.0)
         confirm_room(
             f"a lane {LANE_WIDTH_M:g} m wide, {max(options.excitation.lane_m, lane_m):.1f} m ahead and "

@@ -29,6 +29,7 @@ FIT_HELP = (
 Board = Annotated[
     str, typer.Option(help="Serial port or URL of the board, as /dev/ttyUSB0 or sim://tune/board?world=hall.")
 ]
+Baud = Annotated[int, typer.Option(help="Baud rate of the board's firmware.", min=1)]
 Out = Annotated[Path, typer.Option(help="Folder for logs, gains and report.")]
 Files = Annotated[list[Path], typer.Argument(help="Logs of one robot or motor.")]
 DesignFiles = Annotated[
@@ -93,6 +94,7 @@ Battery = Annotated[
 def tune(
     context: typer.Context,
     board: Board = "/dev/ttyUSB0",
+    baud: Baud = 500_000,
     out: Out = Path("out/tune"),
     lane: Lane = None,
     hold: Hold = None,
@@ -111,12 +113,13 @@ def tune(
     from thumper_tuning.cli.steps import tune_robot
 
     options = load_settings(settings).override(lane_m=lane, hold_s=hold, rule=rule, largest_sensitivity=ms)
-    tune_robot(board, prepare_output(out), options, yes=yes, console=Console())
+    tune_robot(board, baud, prepare_output(out), options, yes=yes, console=Console())
 
 
 @app.command()
 def record(
     board: Board = "/dev/ttyUSB0",
+    baud: Baud = 500_000,
     out: Out = Path("out/tune"),
     lane: Lane = None,
     settings: Settings = None,
@@ -130,7 +133,7 @@ def record(
     from thumper_tuning.cli.steps import record_on
 
     options = load_settings(settings).override(lane_m=lane)
-    record_on(board, prepare_output(out), options.excitation, yes=yes, console=Console())
+    record_on(board, baud, prepare_output(out), options.excitation, yes=yes, console=Console())
 
 
 @app.command(help=FIT_HELP)
@@ -217,6 +220,7 @@ def design(
 def verify(
     gains: Annotated[Path, typer.Argument(help="gains.json of `tune design`.")],
     board: Board = "/dev/ttyUSB0",
+    baud: Baud = 500_000,
     out: Out = Path("out/tune"),
     hold: Hold = None,
     settings: Settings = None,
@@ -232,7 +236,7 @@ def verify(
 
     options = load_settings(settings).override(hold_s=hold)
     new_gains = read_gains_file(gains)
-    verify_on(board, new_gains, prepare_output(out), options.verify, yes=yes, console=Console())
+    verify_on(board, baud, new_gains, prepare_output(out), options.verify, yes=yes, console=Console())
 
 
 @app.command()

@@ -11,13 +11,12 @@ from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
 from thumper_tuning.drive.record import ReportProgress
 
 LANE_WIDTH_M = 0.8
-BAUD = 500_000
 
 
 @contextmanager
-def open_board(url: str) -> Iterator[Board]:
+def open_board(url: str, baud: int) -> Iterator[Board]:
     """Open a board; at the end stop and close it. Ctrl-C becomes a one-line error."""
-    board = Board.open(url, baud=BAUD)
+    board = Board.open(url, baud=baud)
     try:
         yield board
     except KeyboardInterrupt:
