@@ -14,7 +14,7 @@ from thumper.common.resumable import ASTAR_CELLS, Search, run_to_end
 from thumper.navigation.costmap.inflation import ByteArray, IntArray
 from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
 from thumper.navigation.planners.cell_costs import CellCosts, is_inside
-from thumper.navigation.planners.sparse_memory import sparse_zeros
+from thumper.navigation.planners.sparse_memory import Reached, extend, reached_from, sparse_zeros
 
 NO_GOAL = -1
 UNTOUCHED, OPEN, CLOSED = 0, 1, 2
@@ -27,6 +27,7 @@ class AStarCells(NamedTuple):
     status: ByteArray  # UNTOUCHED, OPEN or CLOSED
     path_cost: FloatArray  # from the start [cells]; without meaning in untouched cells, final in closed ones
     parent: IntArray  # flat index of the previous cell, -1 at the start; without meaning in untouched cells
+    reached: Reached  # box round the closed cells
 
 
 class Heap(NamedTuple):
@@ -46,7 +47,7 @@ def astar_slice(
     """
     rows, cols = ground.costs.shape
     costs, table = ground.costs.ravel(), ground.table
-    status, path_cost, parent = cells
+    status, path_cost, parent, reached = cells
     keys, items = heap
     steps = np.array((1, -1, cols, -cols, cols + 1, cols - 1, -cols + 1, -cols - 1))
     d_cols = np.array((1, -1, 0, 0, 1, -1, 1, -1))
@@ -63,6 +64,7 @@ def astar_slice(
         if cell == goal:
             return Heap(keys, items), size, True
         row, col = cell // cols, cell % cols
+        extend(reached, row, col)
         is_open = is_inside(row, col, rows, cols, 2)
         for k in range(8):
             neighbour = cell + steps[k]
@@ -101,9 +103,13 @@ def search_astar(ground: CellCosts, start: int, goal: int) -> Search[AStarCells]
     of cells that can be entered. A search that does not close the goal has closed all cells that can be
     reached.
     """
-    count = ground.costs.size
+    rows, cols = ground.costs.shape
+    reached = reached_from(*divmod(start, cols))
     cells = AStarCells(
-        sparse_zeros(count, np.uint8), sparse_zeros(count, np.float64), sparse_zeros(count, np.int32)
+        sparse_zeros(rows, cols, np.uint8, reached),
+        sparse_zeros(rows, cols, np.float64, reached),
+        sparse_zeros(rows, cols, np.int32, reached),
+        reached,
     )
     heap = Heap(np.empty(FIRST_ENTRIES), np.empty(FIRST_ENTRIES, np.int32))
     cells.status[start], cells.path_cost[start], cells.parent[start] = OPEN, 0.0, -1
@@ -118,7 +124,7 @@ def search_astar(ground: CellCosts, start: int, goal: int) -> Search[AStarCells]
 
 def astar(ground: CellCosts, start: int, goal: int) -> tuple[FloatArray, IntArray]:
     """Run `search_astar` at once; return cost, inf where it did not arrive, and parent of each cell."""
-    status, path_cost, parent = run_to_end(search_astar(ground, start, goal))
+    status, path_cost, parent, _ = run_to_end(search_astar(ground, start, goal))
     return np.where(status == UNTOUCHED, np.inf, path_cost), np.where(status == UNTOUCHED, -1, parent)
 
 

@@ -15,7 +15,7 @@ from thumper.common.numba_kernel import kernel
 from thumper.common.resumable import DIJKSTRA_CELLS, Search, run_to_end
 from thumper.navigation.costmap.inflation import ByteArray, IntArray
 from thumper.navigation.planners.cell_costs import INFINITE, CellCosts, CostArray, cost_at, is_inside
-from thumper.navigation.planners.sparse_memory import sparse_zeros
+from thumper.navigation.planners.sparse_memory import Reached, reached_from, sparse_zeros
 
 # Width of a bucket [free cells]. Wide buckets expand cells more often, narrow ones scan the front more often.
 BUCKET = 16.0
@@ -85,6 +85,7 @@ class Buckets(NamedTuple):
 
     now: IntArray
     later: IntArray
+    reached: Reached  # box round all cells expanded so far
 
 
 class BucketState(NamedTuple):
@@ -104,9 +105,10 @@ def expand_bucket(
 
     Stops after `budget` cells; returns what is left of it.
     """
-    now, later = buckets
+    now, later, reached = buckets
     i, n_now, n_later, limit = progress
     bound = np.float32(limit)
+    top, left, bottom, right = reached
     while i < n_now and budget > 0:
         cell = int(now[i])
         i += 1
@@ -116,6 +118,8 @@ def expand_bucket(
         if value >= potential_at(wave.potential, cell):
             continue
         row, col = place_of(wave, cell)
+        if row < top or row > bottom or col < left or col > right:
+            top, left, bottom, right = min(top, row), min(left, col), max(bottom, row), max(right, col)
         if expansion_key(wave, row, col, value) >= bound:
             # The next bucket expands the cell again, when its neighbours are settled.
             if n_later == later.size:
@@ -141,7 +145,8 @@ def expand_bucket(
                 now[n_now] = neighbour
                 wave.queued[neighbour] = NOW
                 n_now += 1
-    return Buckets(now, later), BucketState(i, n_now, n_later, limit), budget
+    reached[:] = top, left, bottom, right
+    return Buckets(now, later, reached), BucketState(i, n_now, n_later, limit), budget
 
 
 @kernel
@@ -158,7 +163,7 @@ def dijkstra_slice(
             end = float(wave.potential[target]) + margin
         if progress.limit >= end or progress.n_later == 0:
             return buckets, progress, True
-        buckets = Buckets(buckets.later, buckets.now)
+        buckets = Buckets(buckets.later, buckets.now, buckets.reached)
         progress = BucketState(0, progress.n_later, 0, min(progress.limit + BUCKET, end))
 
 
@@ -178,14 +183,15 @@ def search_dijkstra(
         Expand cells near the target first (A*'s order). The potential along the cheapest path is the same.
     """
     rows, cols = cells.costs.shape
-    potential = sparse_zeros(rows * cols, np.float32)
-    queued = sparse_zeros(rows * cols, np.uint8)
+    reached = reached_from(*divmod(source, cols))
+    potential = sparse_zeros(rows, cols, np.float32, reached)
+    queued = sparse_zeros(rows, cols, np.uint8, reached)
     is_guided = guided and target >= 0
     target_row, target_col = divmod(target, cols)
     wave = Wavefront(
         cells.costs.ravel(), cells.table, potential, queued, rows, cols, is_guided, target_row, target_col
     )
-    buckets = Buckets(np.empty(16384, np.int32), np.empty(16384, np.int32))
+    buckets = Buckets(np.empty(16384, np.int32), np.empty(16384, np.int32), reached)
     potential[source] = SOURCE
     n_now = 0
     for step in (1, -1, cols, -cols):

@@ -18,7 +18,7 @@ from thumper.navigation.costmap.inflation import IntArray
 from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
 from thumper.navigation.planners.cell_costs import CellCosts, CostArray, cost_at
 from thumper.navigation.planners.dijkstra import potential_at
-from thumper.navigation.planners.sparse_memory import sparse_zeros
+from thumper.navigation.planners.sparse_memory import Reached, extend, reached_from, sparse_zeros
 
 HEADINGS = 24
 TURN_RAD = math.tau / HEADINGS
@@ -152,6 +152,13 @@ def move_is_free(
     return is_free(problem.grid, mx, my, mean, allowed, needs_known)
 
 
+class Bins(NamedTuple):
+    """The bins of position and heading, rows of bins by columns of bins times headings."""
+
+    node_at: IntArray  # flat: the node of each bin plus 1
+    reached: Reached  # box round the bins with a node
+
+
 class SearchState(NamedTuple):
     """How far the search is."""
 
@@ -177,9 +184,9 @@ def with_room(
 
 @kernel
 def lattice_slice(
-    problem: LatticeProblem, weights: LatticeWeights, node_at: IntArray, progress: SearchState, budget: int
+    problem: LatticeProblem, weights: LatticeWeights, bins: Bins, progress: SearchState, budget: int
 ) -> SearchState:
-    """Close up to `budget` nodes. `node_at` holds for each bin of position and heading its node plus 1."""
+    """Close up to `budget` nodes."""
     start = problem.start
     rows, cols = problem.cells.costs.shape
     bins_x = cols // BIN_CELLS + 1
@@ -208,8 +215,9 @@ def lattice_slice(
             if not remaining < np.inf:
                 continue
             heading = (nodes.heading[node] + change) % HEADINGS
-            slot = ((row // BIN_CELLS) * bins_x + col // BIN_CELLS) * HEADINGS + heading
-            other = node_at[slot] - 1
+            bin_row, bin_col = row // BIN_CELLS, (col // BIN_CELLS) * HEADINGS + heading
+            slot = bin_row * bins_x * HEADINGS + bin_col
+            other = bins.node_at[slot] - 1
             cell_cost = min(float(cost_at(problem.cells, row, col)), MAX_CELL_COST)
             drive_cost = abs(length) * cell_cost * (weights.reverse if length < 0.0 else 1.0)
             cost = nodes.cost[node] + abs(change) * TURN_RAD * weights.turn + drive_cost
@@ -223,7 +231,8 @@ def lattice_slice(
                 nodes.closed[other] = True  # a cheaper node replaces it
             nodes.x[count], nodes.y[count], nodes.cost[count] = nx, ny, cost
             nodes.heading[count], nodes.parent[count] = heading, node
-            node_at[slot] = count + 1
+            bins.node_at[slot] = count + 1
+            extend(bins.reached, bin_row, bin_col)
             heap_push(keys, items, size, cost + weights.heuristic * remaining, count)
             size, count = size + 1, count + 1
     if last == GOES_ON and budget > 0:
@@ -237,13 +246,15 @@ def search_lattice(problem: LatticeProblem, weights: LatticeWeights) -> Search[F
     Gives up after `max_nodes` nodes. The footprint must be free everywhere but near the start.
     """
     rows, cols = problem.cells.costs.shape
-    bins = (rows // BIN_CELLS + 1) * (cols // BIN_CELLS + 1)
-    node_at = sparse_zeros(bins * HEADINGS, np.int32)
+    bin_rows, bin_cols = rows // BIN_CELLS + 1, (cols // BIN_CELLS + 1) * HEADINGS
+    row, col = int(problem.start[1]) // BIN_CELLS, int(problem.start[0]) // BIN_CELLS * HEADINGS
+    reached = reached_from(row, col)
+    bins = Bins(sparse_zeros(bin_rows, bin_cols, np.int32, reached), reached)
     keys, items = np.empty(FIRST_NODES), np.empty(FIRST_NODES, np.int32)
     heap_push(keys, items, 0, 0.0, 0)
     progress = SearchState(with_root(problem.start), keys, items, 1, 1, GOES_ON)
     while True:
-        progress = lattice_slice(problem, weights, node_at, progress, LATTICE_NODES)
+        progress = lattice_slice(problem, weights, bins, progress, LATTICE_NODES)
         if progress.last == NO_PATH:
             return np.empty((0, 3))
         if progress.last >= 0:
