@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from thumper.maps.cell_changes import CellBox, RenderHistory, new_history
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
+MAX_CELLS = 100_000_000  # that a file or message may hold: 500 m by 500 m at 5 cm
 
 CellArray = NDArray[np.int8]
 

@@ -18,10 +18,10 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import read_bytes, write_whole
 from thumper.common.geometry import Pose2
 from thumper.maps.hit_counts import HitCounts
+from thumper.maps.occupancy_grid import MAX_CELLS
 from thumper.slam.mapper import Mapper
 
 VERSION = 2
-MAX_CELLS = 100_000_000  # 500 m by 500 m at 5 cm
 MAX_MB = 400.0  # counts that do not compress
 MAX_POSITION_M = 1e8
 

@@ -15,7 +15,7 @@ from thumper.board.messages import Fault, GyroscopeState, State, Telemetry
 from thumper.common.geometry import Pose2, Twist2
 from thumper.common.stamps import epoch_ns_at, host_time_s, rounded_s, stamp_ns
 from thumper.lidar.scan import Scan
-from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.maps.occupancy_grid import MAX_CELLS, OccupancyGrid
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
 from thumper.odometry.wheel_odometry import OdometrySample
@@ -188,6 +188,15 @@ def test_grid() -> None:
     back = from_ros.grid_of(sent(MESSAGES.grid(1.0, grid)))
     np.testing.assert_array_equal(back.cells, cells)
     assert (back.resolution_m, back.origin_x_m, back.origin_y_m) == (0.05, -1.35, 2.2)
+
+
+def test_large_map_is_decoded() -> None:
+    grid = OccupancyGrid(
+        cells=np.zeros((4001, 4001), np.int8), resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0
+    )
+    assert grid.cells.size < MAX_CELLS
+    decoded = decode(encode(MESSAGES.grid(0.0, grid)), "nav_msgs/msg/OccupancyGrid")
+    assert from_ros.grid_of(decoded).cells.shape == (4001, 4001)
 
 
 def test_inconsistent_grid_is_refused() -> None:
