@@ -1,9 +1,10 @@
 """Measure how fast the page follows the robot: packet rate, latency from bus to drawn frame, CPU.
 
-Run: python benchmarks/dashboard.py [--seconds S]
+Run: python benchmarks/dashboard.py [--seconds S] [--side CELLS]
 
 A robot publishes pose, a scan of 682 beams, wheels, particles and status 20 times per second on the bus. The
-server is the real one. The browser is a headless Chromium with software rendering on the same computer.
+server is the real one. With --side, the room is in the middle of a map of this size, in which some cells
+change twice per second. The browser is a headless Chromium with software rendering on the same computer.
 Latency is the time from before the pose is published to the end of the frame that shows it. The other pages
 of "10 pages" are plain websockets that receive every packet, because ten browsers would need more cores.
 """
@@ -16,6 +17,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,17 +27,19 @@ from rich.table import Table
 from websockets.asyncio.client import connect
 
 from thumper.common.geometry import Pose2
+from thumper.maps.occupancy_grid import OCCUPIED, OccupancyGrid
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure, require_data
 from benchmarks.shared.browser import CHROMIUM, FLAGS, Server, chromium_processes, open_page
-from benchmarks.shared.fake_robot import FakeRobot
+from benchmarks.shared.fake_robot import FakeRobot, room
 from benchmarks.shared.live import free_port
 
 RATE_HZ = 20.0
 WRAP_S = 50.0
 OTHER_PAGES = 9
+SMALL_CELLS = 100
 
 # Record the age of each newly drawn pose; the robot's x encodes the time of the pose.
 WATCH = """() => {
@@ -58,7 +62,12 @@ class ClockRobot(FakeRobot):
     """Drives at 1 m/s, so that its position encodes the time."""
 
     def pose_at(self, cycle: int) -> Pose2:
-        """Return a pose at x = current time."""
+        """Return a pose at x = current time; first change a block of cells of the map."""
+        cells = self.grid.cells
+        if cycle % 10 == 0 and len(cells) > SMALL_CELLS:
+            cells, first = cells.copy(), len(cells) // 2 + cycle % 40
+            cells[first : first + 30, first : first + 30] ^= OCCUPIED
+            self.grid = replace(self.grid, cells=cells)
         return Pose2(x_m=time.time() % WRAP_S, y_m=1.5)
 
 
@@ -122,16 +131,36 @@ async def listen(url: str, seconds: float, done: Callable[[float], None]) -> Non
         done(packets / seconds)
 
 
+def grown(grid: OccupancyGrid, side: int) -> OccupancyGrid:
+    """Return a free map of this side with the grid in its middle; the grid itself if it is not smaller."""
+    rows, columns = grid.cells.shape
+    if side <= max(rows, columns):
+        return grid
+    top, left = (side - rows) // 2, (side - columns) // 2
+    cells = np.zeros((side, side), np.int8)
+    cells[top : top + rows, left : left + columns] = grid.cells
+    return replace(
+        grid,
+        cells=cells,
+        origin_x_m=grid.origin_x_m - left * grid.resolution_m,
+        origin_y_m=grid.origin_y_m - top * grid.resolution_m,
+    )
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seconds", type=float, default=15.0, help="duration of each measurement")
-    seconds = parser.parse_args().seconds
+    parser.add_argument("--side", type=int, default=SMALL_CELLS, help="side of the map [cells]")
+    options = parser.parse_args()
+    seconds, where = options.seconds, f"map of {options.side} cells" if options.side > SMALL_CELLS else "page"
     require_data(Path(CHROMIUM))
     table = Table(title=f"load average {os.getloadavg()[0]:.1f}, {os.cpu_count()} cores")
     for column in ("pages", "packets/s", "poses drawn/s", "latency p50 / p99 [ms]", "server %", "browser %"):
         table.add_column(column, justify="right")
-    robot = ClockRobot(address=f"127.0.0.1:{free_port()}", period_s=1.0 / RATE_HZ)
+    robot = ClockRobot(
+        address=f"127.0.0.1:{free_port()}", period_s=1.0 / RATE_HZ, grid=grown(room(), options.side)
+    )
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         server = Server(robot.address, Path(folder))
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
@@ -151,9 +180,9 @@ def main() -> None:
     robot.close()
     for row in (one, ten):
         pages, rate, _, late, server_share, _ = row
-        figure(f"page, {pages} open: packets", rate, "1/s", aim="20")
+        figure(f"{where}, {pages} open: packets", rate, "1/s", aim="20")
         figure(
-            f"page, {pages} open: bus to drawn frame, median / 99 %",
+            f"{where}, {pages} open: bus to drawn frame, median / 99 %",
             late,
             "ms",
             aim="- / 50",
@@ -161,7 +190,7 @@ def main() -> None:
             source="socket to page alone, a machine of the same kind",
         )
         figure(
-            f"page, {pages} open: server's share of a core",
+            f"{where}, {pages} open: server's share of a core",
             server_share,
             "%",
             peers="NiceGUI 4",
