@@ -1,5 +1,5 @@
 # Two commands matter: `make demo` (see the robot drive) and `make test`. Both install what is missing.
-.PHONY: help demo test coverage lint format firmware chip protocol reference docs wheel wheel-aarch64 sdist bench results soak mutation clean
+.PHONY: help demo test coverage lint format firmware chip protocol reference docs wheel wheel-aarch64 sdist bench bench-peers results soak mutation clean
 
 PYTHON ?=
 HOURS ?= 2
@@ -23,6 +23,7 @@ help:
 	@echo "make wheel-aarch64  the same for 64-bit ARM; drives a simulated robot in qemu"
 	@echo "make sdist     pack the sources into dist/"
 	@echo "make bench     run every benchmark and write the table in docs/results/benchmarks.md"
+	@echo "make bench-peers  fetch and build ROS's navfn, run it and our planners in turn, print the ratios"
 	@echo "make results   drive the sample campaigns again and write their reports into docs/results/"
 	@echo "make soak      two simulated hours of goals and faults (half an hour); HOURS=8 for more, see docs/results/soak.md"
 	@echo "make mutation  change the firmware, and what decides in the host, line by line; a test must notice (an hour)"
@@ -94,6 +95,9 @@ sdist: $(VENV)/.release
 
 bench: firmware chip $(VENV)/.dev
 	@$(BIN)/python benchmarks/table.py
+
+bench-peers: $(VENV)/.dev
+	@$(BIN)/python -m benchmarks.peers.planners
 
 results: firmware chip $(VENV)/.dev
 	@scripts/make-results
