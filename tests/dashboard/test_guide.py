@@ -10,7 +10,9 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, TypeVar
+from urllib.parse import parse_qsl, urlsplit
 
+import numpy as np
 import pytest
 from benchmarks.shared.live import until
 
@@ -20,13 +22,18 @@ from thumper.config.robot import load_config
 from thumper.dashboard.guide import guide as guide_module
 from thumper.dashboard.guide.command import StepCommand
 from thumper.dashboard.guide.guide import Guide, Step, judge_check
-from thumper.dashboard.guide.robot_file import SIMULATED, Ports, write_robot_file
+from thumper.dashboard.guide.robot_file import WORLDS, Ports, simulated_ports, write_robot_file
 from thumper.dashboard.guide.robot_watch import RobotWatch
+from thumper.dashboard.guide.step_controls import LANE_M
 from thumper.dashboard.page_commands import PageCommands, TeleopLimits
 from thumper.dashboard.page_messages import EStop
 from thumper.ros.status import Status
 from thumper.ros.to_ros import Messages
+from thumper_hil.bench.collision import FOOTPRINT_M
+from thumper_hil.bench.options import BenchOptions
+from thumper_hil.world.load_world import load_world
 
+SIMULATED = simulated_ports()
 REAL = Ports(board="/dev/ttyUSB0", lidar="/dev/ttyUSB1", lidar_model="ld19")
 
 Result = TypeVar("Result")
@@ -46,6 +53,14 @@ def test_written_configuration_has_the_ports_and_a_low_speed(tmp_path: Path) -> 
         "ld19",
     )
     assert settings.navigation.limits.v_max_m_s == 0.2
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_each_world_has_a_free_lane_for_tuning(world: str) -> None:
+    options = BenchOptions.parse(dict(parse_qsl(urlsplit(simulated_ports(world).board).query)))
+    walls = load_world(options.world)
+    for x_m in np.arange(-LANE_M, LANE_M + 0.01, 0.05):
+        assert walls.clearance_m(options.start @ Pose2(x_m=float(x_m)), FOOTPRINT_M) > 0.1
 
 
 def test_a_configuration_that_exists_stays(tmp_path: Path) -> None:

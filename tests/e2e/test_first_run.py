@@ -29,6 +29,8 @@ def follow(tmp_path: Path) -> None:
             expect(page.locator("#tp-banner")).to_have_text(
                 "Waiting for the robot …"
             )  # STOP has a connection
+            page.get_by_label("World of a simulated robot").click()
+            page.get_by_role("option", name="House").click()
             walk.click("Simulated robot")
             walk.done("robot", "flash")
             walk.retried("flash", "check", ("Flash",))
@@ -45,4 +47,4 @@ def follow(tmp_path: Path) -> None:
             expect(page.get_by_role("button", name="Turn the wheels")).to_be_enabled()
         browser.close()
     assert not problems
-    assert 'port = "sim://' in (tmp_path / "robot.toml").read_text()
+    assert 'port = "sim://setup/board?world=house-4&' in (tmp_path / "robot.toml").read_text()

@@ -16,7 +16,7 @@ from typing import Literal
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 from thumper.dashboard.board_parameters import Parameters
 from thumper.dashboard.guide.command import StepCommand
-from thumper.dashboard.guide.robot_file import SIMULATED, Ports, write_robot_file
+from thumper.dashboard.guide.robot_file import Ports, write_robot_file
 from thumper.dashboard.guide.robot_watch import RobotWatch, WatchedBus
 from thumper.ros import services
 from thumper.ros.services import NamedMap
@@ -135,10 +135,6 @@ class Guide:
             return f"board {self.ports.board}, lidar {self.ports.lidar}: {self.config}"
 
         await self._do(choose)
-
-    async def choose_simulated(self, name: str) -> None:
-        """Use a simulated robot with a bare board."""
-        await self.choose_robot(name, SIMULATED)
 
     async def flash(self, board: str, bootloader: str) -> None:
         """Run `thumper flash`."""

@@ -8,7 +8,7 @@ from typing import Any, get_args
 from nicegui import ui
 
 from thumper.dashboard.guide.guide import Guide, Step
-from thumper.dashboard.guide.robot_file import Ports
+from thumper.dashboard.guide.robot_file import LABORATORY, WORLDS, Ports, simulated_ports
 from thumper.dashboard.widgets import box, button, inline
 from thumper.doctor.usb_ports import usb_ports
 from thumper.lidar.options import LidarModel
@@ -39,6 +39,7 @@ class StepControls:
         self._file = "robot.toml"
         self._map_name = "first_map"
         self._board = self._lidar = ""
+        self._world = LABORATORY
         self._model, self._kind, self._bootloader = "urg04lx", "trex", "old"
 
     def add(self) -> None:
@@ -66,15 +67,17 @@ class StepControls:
         with box("tp-buttons"):
             if ports:
                 self._button("Use this robot", self._choose)
-            else:
-                self._button("Simulated robot", lambda: self._guide.choose_simulated(self._file))
             self._button("Search again", self._search, main=False)
-            if ports:
-                self._button("Simulated robot", lambda: self._guide.choose_simulated(self._file), main=False)
+        self._select("World of a simulated robot", "_world", {label: label for label in WORLDS})
+        with box("tp-buttons"):
+            self._button("Simulated robot", self._choose_simulated, main=not ports)
 
     async def _choose(self) -> None:
         ports = Ports(board=self._board, lidar=self._lidar, lidar_model=self._model)
         await self._guide.choose_robot(self._file, ports)
+
+    async def _choose_simulated(self) -> None:
+        await self._guide.choose_robot(self._file, simulated_ports(self._world))
 
     def _search(self) -> None:
         self._guide.begin(Step.ROBOT)
