@@ -17,6 +17,7 @@ from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import Goal
 from thumper.navigation.state import NavigationOutput, NavigationState
 from thumper.runtime.drive import drive_manager
+from thumper.runtime.drive.assisted_teleop import AssistedCommand
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode
 from thumper.runtime.drive.manual_pwm import FeedForward, manual_pwm
 from thumper.runtime.requests import TeleopSource, Velocity
@@ -394,6 +395,23 @@ def test_velocity_of_another_program_is_held_by_speed_control(bench: Bench) -> N
     bench.manager.start(GOAL, None)
     bench.step()
     assert bench.manager.mode is DriveMode.HOLDING  # it stays armed after a goal
+
+
+def test_override_of_the_assistance_ends_unless_it_is_repeated(bench: Bench) -> None:
+    standing = SimpleNamespace(limit=lambda *_: AssistedCommand(twist=Twist2(), reason="an obstacle ahead"))
+    bench.manager._assisted_teleop = cast("Any", standing)
+    bench.manager.arm(None)
+
+    def driven() -> Twist2:
+        bench.hold(AHEAD, TeleopSource.GAMEPAD)
+        bench.step()
+        return bench.manager.command
+
+    assert driven() == Twist2()
+    bench.manager.override_assistance(bench.now_s)
+    assert [driven(), driven()] == [AHEAD, AHEAD]  # 0.1 s a cycle, 0.3 s an override
+    bench.now_s += 0.05
+    assert driven() == Twist2()
 
 
 @pytest.mark.parametrize("source", TeleopSource)
