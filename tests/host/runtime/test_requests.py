@@ -103,6 +103,20 @@ def test_goals_have_rounds() -> None:
             parse_goals({"goals": goals, "rounds": wrong}, SAVED)
 
 
+@pytest.mark.parametrize(
+    "wrong", [{}, {"goals": []}, {"goals": {}}, {"goals": [PLACE] * 201}, {"goals": [PLACE], "laps": 2}]
+)
+def test_goals_are_a_list_of_limited_length(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ThumperError, match="a list of 1 to 200"):
+        parse_goals(wrong, SAVED)
+
+
+def test_each_of_the_goals_is_an_object() -> None:
+    assert len(parse_goals({"goals": [PLACE] * 200}, SAVED)[0]) == 200
+    with pytest.raises(ThumperError, match="each goal is an object"):
+        parse_goals({"goals": [PLACE, "sofa"]}, SAVED)
+
+
 def test_goals_have_a_wait() -> None:
     goals: list[dict[str, Any]] = [{"place": "sofa", "wait_s": 5}, PLACE]
     assert parse_goals({"goals": goals}, SAVED)[1] == (5.0, 0.0)
