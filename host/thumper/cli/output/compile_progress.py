@@ -1,4 +1,4 @@
-"""Show that kernels are compiled: it takes a minute where those of the package do not fit."""
+"""Show that kernels are compiled: it takes minutes where those of the package do not fit."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,7 +24,7 @@ def compile_progress(console: Console) -> Iterator[CompileProgress]:
         def on_start(self, event: event.Event) -> None:
             if not progress.started:
                 progress.started = True
-                console.print("compiling for this computer, once: about a minute")
+                console.print("compiling for this computer, once: a few minutes")
 
         def on_end(self, event: event.Event) -> None:
             progress.count += 1
