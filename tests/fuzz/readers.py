@@ -98,9 +98,9 @@ def read_part(path: Path) -> object:
 
 def read_to_repair(path: Path) -> object:
     with TemporaryDirectory() as folder:
-        copy = Path(folder) / path.name
-        copy.symlink_to(path) if not path.is_file() else shutil.copy(path, copy)
-        return repair(copy)
+        link = Path(folder) / path.name  # the repaired file appears beside it
+        link.symlink_to(path)
+        return repair(link)
 
 
 def read_rows(path: Path) -> object:

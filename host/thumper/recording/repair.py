@@ -26,6 +26,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.files import open_regular
 from thumper.recording.chunks import ChunkReader
 from thumper.recording.mcap_file import CHUNK_BYTES, LIBRARY, PART, sync_folder
 
@@ -44,7 +45,7 @@ class RepairResult:
 
 def unfinished_recordings(folder: Path) -> list[Path]:
     """Return the unfinished recordings in the folder that no running program holds, oldest first."""
-    return [path for path in sorted(folder.glob(f"*.mcap{PART}")) if not _is_locked(path)]
+    return [path for path in sorted(folder.glob(f"*.mcap{PART}")) if path.is_file() and not _is_locked(path)]
 
 
 def repair(path: Path) -> RepairResult | None:
@@ -65,7 +66,7 @@ def repair(path: Path) -> RepairResult | None:
         if not unfinished and is_complete(path):
             return None
         repaired = target.with_name(target.name + REPAIRED)
-        with path.open("rb") as source:
+        with open_regular(path) as source:
             if not _lock(source):  # held until closed, so that two programs never repair the same file
                 raise ThumperError(
                     f"{path}: another program is recording or repairing it; stop that program first",
@@ -124,7 +125,7 @@ def repair_in_subprocess(folder: Path) -> None:
 def is_complete(path: Path) -> bool:
     """Return whether the file is complete, so that readers find its index."""
     try:
-        with path.open("rb") as stream:
+        with open_regular(path) as stream:
             return SeekingReader(stream).get_summary() is not None
     except OSError:
         raise
@@ -169,7 +170,7 @@ def records_until_error(stream: IO[bytes]) -> Iterator[McapRecord | str]:
 
 def _profile(path: Path) -> str:
     """Return the profile in the file's first record."""
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         try:
             header = next(iter(StreamReader(stream, record_size_limit=path.stat().st_size).records))
         except OSError:
@@ -218,7 +219,7 @@ def _copy(source: IO[bytes], sink: IO[bytes], profile: str) -> tuple[int, str]:
 
 
 def _is_locked(path: Path) -> bool:
-    with path.open("rb") as stream:
+    with open_regular(path) as stream:
         return not _lock(stream)
 
 
