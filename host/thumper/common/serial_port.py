@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import serial
@@ -129,6 +130,21 @@ def open_port(url: str, *, baud: int, name: str) -> SerialPort:
         raise ThumperError(
             f"cannot open the {name} port {url}: {_explain(error, name)}", exit_code=_exit_code(error)
         ) from error
+
+
+def check_port_exists(url: str, name: str) -> None:
+    """Refuse a device that is not there, before anything that takes long.
+
+    Raises
+    ------
+    ThumperError
+        There is no such port.
+    """
+    if "://" not in url and not Path(url).exists():
+        raise ThumperError(
+            f"cannot open the {name} port {url}: {_explain(FileNotFoundError(), name)}",
+            exit_code=EXIT_NOT_THERE,
+        )
 
 
 def _register_plugins() -> None:

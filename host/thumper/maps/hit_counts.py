@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -54,10 +55,13 @@ class HitCounts:
         No beam crosses a cell behind a wall, so nothing else ever clears it. In a map that is resumed many
         times walls would thicken, and scans match anywhere in a thick wall: the map blurs and turns.
         """
-        from scipy.ndimage import maximum_filter  # only when mapping resumes
-
+        if not self.hits.size:
+            return self
+        most, size = np.pad(self.hits, STRAY_CELLS), 2 * STRAY_CELLS + 1  # within STRAY_CELLS of each cell
+        for axis in (0, 1):
+            most = sliding_window_view(most, size, axis=axis).max(axis=-1)
         hits = self.hits.copy()
-        hits[hits <= STRAY_SHARE * maximum_filter(hits, size=2 * STRAY_CELLS + 1)] = 0
+        hits[hits <= np.multiply(STRAY_SHARE, most)] = 0
         return replace(self, hits=hits)
 
     def crop_to_known(self) -> "HitCounts":

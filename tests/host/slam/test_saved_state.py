@@ -94,8 +94,9 @@ def test_map_does_not_grow_with_each_restart() -> None:
     np.testing.assert_allclose(again.distance_m, again.distance_from_scratch())
 
 
-def test_empty_map_stays_empty() -> None:
-    empty = np.zeros((40, 30), dtype=np.uint8)
+@pytest.mark.parametrize("shape", [(40, 30), (0, 0)])
+def test_empty_map_stays_empty(shape: tuple[int, int]) -> None:
+    empty = np.zeros(shape, dtype=np.uint8)
     counts = HitCounts(hits=empty, misses=empty, first_cell=(-5, -5), resolution_m=SIZE_M)
     assert not HitGrid.from_counts(counts, SIZE_M, 0.5, 0.25).occupied().any()
 
