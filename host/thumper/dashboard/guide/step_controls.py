@@ -152,7 +152,7 @@ class StepControls:
             self._next()
 
     def _goal(self) -> None:
-        _text("Choose the goal tool of the map (G). Press at a free place, drag to set the heading.")
+        _text("Choose the flag beside the map. Press at a free place, drag to set the heading.")
         with box("tp-buttons"):
             self._next()
 

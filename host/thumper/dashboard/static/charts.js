@@ -1,6 +1,7 @@
 // Strip charts of both wheels: setpoint and speed, PWM and its integral term. Freeze, time window, CSV.
 
 import { colour, onThemeChange } from "./colours.js";
+import { fixed } from "./numbers.js";
 import { on } from "./stream.js";
 import uPlot from "./uplot_module.js";
 
@@ -147,7 +148,7 @@ class Charts {
     const times_s = rows.map((row) => row[0] - newest_s);
     for (const { chart, columns, outputs, digits } of this.plots) {
       chart.setData([times_s, ...columns.map((column) => rows.map((row) => row[column]))]);
-      outputs.forEach((output, k) => { output.textContent = formatNumber(rows.at(-1)[columns[k]], digits); });
+      outputs.forEach((output, k) => { output.textContent = fixed(rows.at(-1)[columns[k]], digits); });
     }
   }
 
@@ -159,11 +160,6 @@ class Charts {
     link.click();
     URL.revokeObjectURL(link.href);
   }
-}
-
-// A rounded zero has no sign.
-function formatNumber(value, digits) {
-  return value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1");
 }
 
 export function charts(root) {

@@ -5,6 +5,7 @@ import { AnnotationBar } from "./annotations.js";
 import { colour } from "./colours.js";
 import { onCancel } from "./commands.js";
 import { drawArrow, drawCrosshair, LAYERS } from "./map_layers.js";
+import { fixed } from "./numbers.js";
 import { send, state } from "./stream.js";
 
 const MIN_HEADING_DRAG_PX = 12; // a shorter drag sets no heading
@@ -206,7 +207,7 @@ export class MapTools {
 
   showCursor(position) {
     const [x, y] = this.view.camera.toMap(...position);
-    this.cursor.textContent = `x ${x.toFixed(2)}, y ${y.toFixed(2)} m`;
+    this.cursor.textContent = `x ${fixed(x, 2)}, y ${fixed(y, 2)} m`;
   }
 
   onPointerDown(event) {

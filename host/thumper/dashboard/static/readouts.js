@@ -1,5 +1,6 @@
 // Readouts and banner: each element with `data-field` shows the value of that field.
 
+import { fixed } from "./numbers.js";
 import { on, state } from "./stream.js";
 
 const LINK_LOST_S = 1.5; // without a message from the robot for this long, its link counts as lost
@@ -28,7 +29,6 @@ const SENSOR_FIELDS = {
 const DRAWN = new Set(["mode", "reason", "distance", "pose", "heading", ...Object.keys(SENSOR_FIELDS)]);
 
 const isMissing = (value) => value === null || value === undefined;
-const fixed = (value, digits) => value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1"); // no "-0.0"
 const formatVolts = (volts) => (isMissing(volts) ? NO_VALUE : `${volts.toFixed(2)} V`);
 const formatMetres = (metres) => (isMissing(metres) ? NO_VALUE : `${metres.toFixed(2)} m`);
 const formatMs = (seconds) => (isMissing(seconds) ? NO_VALUE : `${(1000 * seconds).toFixed(0)} ms`);

@@ -151,8 +151,10 @@ class CollisionMonitor:
                 what = "an obstacle"
                 if seen is not None and np.flatnonzero(near)[index] >= seen:
                     what = "ground that the lidar has never seen"
+                along, across = "ahead of" if x_m >= 0.0 else "behind", "left" if y_m >= 0.0 else "right"
                 return (
-                    f"stopped before {what} {x_m:.2f} m ahead, {y_m:+.2f} m to the left of the robot's centre"
+                    f"stopped before {what} {abs(x_m):.2f} m {along} the robot's centre, "
+                    f"{abs(y_m):.2f} m to its {across}"
                 )
         return None
 

@@ -44,9 +44,10 @@ def test_stops_exactly_if_the_stopping_distance_reaches_the_point(v_m_s: float) 
 
 
 def test_reason_names_the_place_of_the_obstacle() -> None:
-    reason = stop_reason(Twist2(v_m_s=0.4), Twist2(), at(0.30, 0.05))
-    assert reason is not None
-    assert "0.30 m ahead, +0.05 m" in reason
+    ahead = stop_reason(Twist2(v_m_s=0.4), Twist2(), at(0.30, 0.05))
+    assert ahead == "stopped before an obstacle 0.30 m ahead of the robot's centre, 0.05 m to its left"
+    behind = stop_reason(Twist2(v_m_s=-0.4), Twist2(), at(-0.30, -0.05))
+    assert behind == "stopped before an obstacle 0.30 m behind the robot's centre, 0.05 m to its right"
 
 
 def test_rotation_sweeps_the_corners() -> None:
