@@ -96,6 +96,15 @@ def test_the_decoder_starts_with_the_level_of_its_pins(wheel: int, phase: int) -
     assert last.lost_edges == 0
 
 
+@pytest.mark.parametrize("wheel", [0, 1])
+def test_two_edges_at_once_are_reported_as_lost(wheel: int) -> None:
+    chip = InstrumentedChip(ELF)
+    with chip.edges(ENCODERS[BoardModel.TREX][wheel]) as source:
+        run_for(chip, 0.01)
+        source.start(delay_cycles=100, interval_cycles=2, count=2)
+        assert telemetry(chip).lost_edges == 1
+
+
 def _to_high(chip: InstrumentedChip, source: EdgeSource) -> None:
     source.start(delay_cycles=10, interval_cycles=100, count=2)
     run_for(chip, 0.001)
