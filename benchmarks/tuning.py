@@ -1,9 +1,9 @@
 """Compare identification and design with other methods on the same logs; track with the real firmware.
 
-python benchmarks/tuning.py [simulated] [recorded] [rules] [tracking] runs the named parts, or all. It reads
-the recordings from $THUMPER_DATA or ../shared/data.
+The recordings are read from $THUMPER_DATA or ../shared/data.
 """
 
+import argparse
 import itertools
 import os
 import sys
@@ -361,12 +361,14 @@ def _silent(done: int, total: int, activity: str) -> None:
     pass
 
 
-def main(arguments: list[str]) -> None:
+def main() -> None:
     """Run the named parts, or all."""
     parts = {"simulated": simulated, "recorded": recorded, "rules": rules, "tracking": tracking}
-    for name in arguments or parts:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("part", nargs="*", choices=parts, help="what to run; all if none is named")
+    for name in parser.parse_args().part or parts:
         parts[name]()
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()

@@ -13,9 +13,10 @@ def main() -> None:
         if signal.getsignal(number) is not signal.SIG_IGN:  # a shell ignores it for `command &`
             # No exception: an interrupted import may turn it into another error.
             signal.signal(number, lambda *_: os._exit(EXIT_INTERRUPTED))
-    gc.disable()  # a tenth of the start; what imports leave behind stays
+    gc.disable()  # a tenth of the start
     from thumper.cli.app import main as run_command
 
+    gc.freeze()  # what imports leave behind stays: no collection looks at it
     gc.enable()
     run_command()
 

@@ -1,7 +1,7 @@
 """Cross-validation: how well the model predicts the parts of the log that it was not fitted to."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,10 +40,15 @@ def validate(
     for block in np.unique(blocks):
         out = blocks == block
         held_out[out] = residuals_of_fit_to(~out)[out]
-    use = ~fit.is_glitch & are_shown(segments)
     return Validation(
-        fit_percent=fit_percent(all_speeds(segments)[use], held_out[use]), residual_rad_s=held_out
+        fit_percent=fit_percent_of(segments, replace(fit, residual_rad_s=held_out)), residual_rad_s=held_out
     )
+
+
+def fit_percent_of(segments: list[LogSegment], fit: Fit) -> float:
+    """Return the fit in percent of the residuals of a fit, without the glitches."""
+    use = ~fit.is_glitch & are_shown(segments)
+    return fit_percent(all_speeds(segments)[use], fit.residual_rad_s[use])
 
 
 def fit_percent(measured: FloatArray, residual: FloatArray) -> float:

@@ -98,25 +98,47 @@ def _check_levels(name: str, unit: DriveUnit, drive: FloatArray) -> None:
     )
 
 
-def check_result(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, largest_drive: float) -> None:
-    """Reject a fit that its own uncertainty or validation contradicts.
+def check_model(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, largest_drive: float) -> None:
+    """Reject a model that cannot be a motor's, or does not even describe the speeds that it is fitted to.
 
     Raises
     ------
     ThumperError
-        A parameter is not determined or impossible, or the model does not describe the log.
+        The model is impossible, or does not describe the log.
     """
-    model, std = fit.model, fit.uncertainty
-    if fit_percent < MIN_FIT_PERCENT:
+    check_percent(name, fit_percent)
+    friction = fit.model.friction
+    if friction < MIN_FRICTION_RATIO * largest_drive:
         raise log_error(
-            f"{name}: the model explains only {max(fit_percent, 0.0):.0f} % of held-out speeds: check "
-            f"units, sign and that each row holds the drive applied until the next; else {RECORD}"
-        )
-    if model.friction < MIN_FRICTION_RATIO * largest_drive:
-        raise log_error(
-            f"{name}: the estimated static friction is {model.friction:.3g} {unit.value}: at high drive the "
+            f"{name}: the estimated static friction is {friction:.3g} {unit.value}: at high drive the "
             "speed hardly follows, it is clipped or limited; log the counts, or record at lower levels"
         )
+
+
+def check_percent(name: str, fit_percent: float) -> None:
+    """Reject a model that explains too little.
+
+    Raises
+    ------
+    ThumperError
+        The model does not describe the log.
+    """
+    if fit_percent < MIN_FIT_PERCENT:
+        raise log_error(
+            f"{name}: the model explains only {max(fit_percent, 0.0):.0f} % of the speeds: check "
+            f"units, sign and that each row holds the drive applied until the next; else {RECORD}"
+        )
+
+
+def check_determined(name: str, fit: Fit, unit: DriveUnit) -> None:
+    """Reject a fit that its own uncertainty contradicts.
+
+    Raises
+    ------
+    UndeterminedError
+        A parameter is not determined.
+    """
+    model, std = fit.model, fit.uncertainty
     if fit.at_limit:
         raise undetermined(
             f"{name}: the log does not determine the {fit.at_limit}: the fit ends at its limit; "

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper_tuning.identify.initial_guess import InitialGuess, initial_guesses
+from thumper_tuning.identify.initial_guess import InitialGuess, era_time_constant_s, initial_guesses
 from thumper_tuning.identify.least_squares import FitData, solve, weights
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.segments import LogSegment, thinned
@@ -16,6 +16,7 @@ from thumper_tuning.logs.motor_log import BoolArray
 GLITCH_SIGMAS = 8.0
 BREAKAWAY_RATIOS = (1.0, 1.15, 1.3, 1.45, 1.6)
 MAX_GUESSES = 3
+REFITS = 2  # after which glitches and loss hardly change
 START_WINDOWS_S = 0.05, 0.1, 0.2  # of filtered speeds, beside those of a row and of instantaneous speeds
 SIGNIFICANT_DELAY_SIGMAS = 4.0
 
@@ -42,10 +43,11 @@ def fit_motor(segments: list[LogSegment]) -> Fit | None:
     data = FitData(segments=segments)
     few = FitData(segments=thinned(segments))
     starts = [few.with_sensor_window(window_s) for window_s in _start_windows_s(few)]
-    guesses = [(guess, start.sensor_window_s) for start in starts for guess in initial_guesses(start)]
+    era_s = era_time_constant_s(few.segments)
+    guesses = [(guess, start.sensor_window_s) for start in starts for guess in initial_guesses(start, era_s)]
     guesses.sort(key=lambda found: found[0].residual_rad_s)
-    fits = [_fit_from(data.with_sensor_window(window_s), guess) for guess, window_s in guesses[:MAX_GUESSES]]
-    return min(fits, key=lambda fit: fit.cost) if fits else None
+    found = [_improved(data.with_sensor_window(window_s), guess) for guess, window_s in guesses[:MAX_GUESSES]]
+    return _refined(*min(found, key=lambda one: _cost(*one))) if found else None
 
 
 def _start_windows_s(data: FitData) -> list[float | None]:
@@ -62,27 +64,27 @@ def residuals_of_refit(segments: list[LogSegment], fit: Fit, use: BoolArray) -> 
     return data.with_sensor_window(found.sensor_window_s).residuals(found.model)
 
 
-def _fit_from(data: FitData, guess: InitialGuess) -> Fit:
-    model, scale = guess.model, max(guess.residual_rad_s, 1e-9)
-    quantum = _quantum(data.segments)
-    use = np.ones(len(data.speed_rad_s), dtype=bool)
-    for round_ in range(3):
+def _improved(data: FitData, guess: InitialGuess) -> tuple[FitData, MotorModel]:
+    """Fit all windows from a guess; return the data with the sensor's window, and the model."""
+    scale = max(guess.residual_rad_s, 1e-9)
+    found = solve(data, guess.model, np.ones(len(data.speed_rad_s), dtype=bool), scale)
+    data = data.with_sensor_window(found.sensor_window_s)
+    return data, _with_breakaway(data, found.model, scale)
+
+
+def _refined(data: FitData, model: MotorModel) -> Fit:
+    """Fit again without the glitches, with a loss that suits the residuals."""
+    use, scale = _usable(data, data.residuals(model))
+    for _ in range(REFITS):
         found = solve(data, model, use, scale)
         model, data = found.model, data.with_sensor_window(found.sensor_window_s)
-        if round_ == 0:
-            model = _with_breakaway(data, model, scale)
-        residual = data.residuals(model)
-        std = _robust_std(data, residual)
-        use = ~find_glitches(residual, max(GLITCH_SIGMAS * std, 3.0 * quantum))
-        # Without the glitches, the remaining residuals are the model's own and no outliers. Nor is rounding
-        # to whole counts: a loss that discounts residuals of one count is biased.
-        scale = max(std, float(np.sqrt(np.mean(residual[use] ** 2))), 1.5 * quantum)
+        use, scale = _usable(data, data.residuals(model))
     found = solve(data, model, use, scale)
-    uncertainty = found.uncertainty
+    uncertainty = found.uncertainty()
     if found.sensor_window_s is None and found.model.delay_s < SIGNIFICANT_DELAY_SIGMAS * uncertainty.delay_s:
         # The delay is not significant. Without it the other parameters are more certain.
         found = solve(data, replace(found.model, delay_s=0.0), use, scale, free_delay=False)
-        uncertainty = replace(found.uncertainty, delay_s=uncertainty.delay_s)
+        uncertainty = replace(found.uncertainty(), delay_s=uncertainty.delay_s)
     model, data = found.model, data.with_sensor_window(found.sensor_window_s)
     uncertainty = with_window_spread(uncertainty, data, model, use, scale)
     residual = data.residuals(model)
@@ -92,10 +94,23 @@ def _fit_from(data: FitData, guess: InitialGuess) -> Fit:
         sensor_window_s=found.sensor_window_s,
         at_limit=found.at_limit,
         scale_rad_s=scale,
-        cost=float(np.mean(np.abs(residual) * weights(data.segments))),
+        cost=_cost(data, model),
         residual_rad_s=residual,
         is_glitch=~use,
     )
+
+
+def _cost(data: FitData, model: MotorModel) -> float:
+    return float(np.mean(np.abs(data.residuals(model)) * weights(data.segments)))
+
+
+def _usable(data: FitData, residual: FloatArray) -> tuple[BoolArray, float]:
+    """Return the windows that are no glitches, and the residual where the loss turns linear [rad/s]."""
+    quantum, std = _quantum(data.segments), _robust_std(data, residual)
+    use = ~find_glitches(residual, max(GLITCH_SIGMAS * std, 3.0 * quantum))
+    # Without the glitches, the remaining residuals are the model's own and no outliers. Nor is rounding
+    # to whole counts: a loss that discounts residuals of one count is biased.
+    return use, max(std, float(np.sqrt(np.mean(residual[use] ** 2))), 1.5 * quantum)
 
 
 def _with_breakaway(data: FitData, model: MotorModel, scale_rad_s: float) -> MotorModel:

@@ -38,15 +38,14 @@ class InitialGuess:
     residual_rad_s: float
 
 
-def initial_guesses(data: FitData) -> list[InitialGuess]:
+def initial_guesses(data: FitData, era_s: float | None) -> list[InitialGuess]:
     """Return the best guess for each delay on the grid, best first.
 
     In motion, the speed is linear in gain and gain x friction once time constant and delay are given: the
     drive and the sign of the motion pass the same one-pole filter. Each least-squares fit is reweighted
-    towards an L1 fit, so that glitches do not decide. The time constant of python-control's ERA model is on
-    the grid, too.
+    towards an L1 fit, so that glitches do not decide. `era_s`, the time constant of python-control's ERA
+    model, is on the grid, too.
     """
-    era_s = _era_time_constant_s(data.segments)
     time_constants_s = [*TIME_CONSTANTS_S.tolist(), *([era_s] if era_s is not None else [])]
     y, period_s = data.speed_rad_s, data.period_s
     nonzero = np.abs(y[y != 0.0]) if y.any() else np.ones(1)
@@ -75,7 +74,8 @@ def initial_guesses(data: FitData) -> list[InitialGuess]:
     return sorted(found, key=lambda guess: guess.residual_rad_s)
 
 
-def _era_time_constant_s(segments: list[LogSegment]) -> float | None:
+def era_time_constant_s(segments: list[LogSegment]) -> float | None:
+    """Return the time constant of ERA's model of order 1; None if its pole is none, or beyond the grid."""
     record = linear_record(segments, None)
     if record is None:
         return None
@@ -124,6 +124,8 @@ def _fit_l1(X: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:
     floor = 1e-3 * float(np.percentile(np.abs(y), 95)) + 1e-12
     theta: FloatArray = np.zeros(X.shape[1])
     for _ in range(REWEIGHTINGS):
-        theta[:] = np.linalg.lstsq(X * weights[:, None], y * weights, rcond=None)[0]
-        weights = 1.0 / np.sqrt(np.abs(y - X @ theta) + floor)
+        # A direction that the log does not have is a column of zeros: the normal equations may be singular.
+        weighted = X.T * weights
+        theta[:] = np.linalg.lstsq(weighted @ X, weighted @ y, rcond=None)[0]
+        weights = 1.0 / (np.abs(y - X @ theta) + floor)
     return theta, float(np.mean(np.abs(y - X @ theta)))

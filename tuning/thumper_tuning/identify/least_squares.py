@@ -13,6 +13,7 @@ from thumper_tuning.identify.segments import LogSegment, all_speeds, median_wind
 from thumper_tuning.logs.motor_log import BoolArray
 
 DIFFERENCE_STEP = 1e-5
+TOLERANCE = 1e-6  # of the loss: of 1000 windows, less than a twentieth of a standard deviation
 TIME_CONSTANT_LIMITS_S = 0.001, 20.0
 MAX_DELAY_S, MAX_DELAY_PERIODS = 0.6, 8.0  # or so many windows, if that is longer; of a sensor's window, too
 LIMIT_MARGIN = 1e-3  # a variable this near to a limit ends there
@@ -128,6 +129,7 @@ def minimize_soft_l1(
         bounds=(low, high),
         loss="soft_l1",
         x_scale=x_scale[: len(x0)],
+        ftol=TOLERANCE,
         diff_step=diff_step,
         max_nfev=max_nfev,
     )
@@ -146,8 +148,8 @@ class Solution:
 
     model: MotorModel
     sensor_window_s: float | None
-    uncertainty: Uncertainty
-    at_limit: str = ""  # the parameter that ends at a limit of the search: it is not determined
+    at_limit: str  # the parameter that ends at a limit of the search and is not determined, or empty
+    uncertainty: Callable[[], Uncertainty]  # computes it: most callers need only the model
 
 
 def solve(
@@ -188,8 +190,8 @@ def solve(
         return float(all_of(x)[5]) * scaling.period_s if has_window else None
 
     def scaled_residuals(x: FloatArray) -> FloatArray:
-        residual = data.with_sensor_window(window_s(x)).residuals(scaling.model(all_of(x), start))
-        return residual[use] * weight / scale_rad_s
+        windowed = data.with_sensor_window(window_s(x)) if has_window else data
+        return windowed.residuals(scaling.model(all_of(x), start))[use] * weight / scale_rad_s
 
     x = minimize_soft_l1(
         scaled_residuals,
@@ -200,27 +202,30 @@ def solve(
         max_nfev=60,
     )
     model = scaling.model(all_of(x), start)
-    covariance = np.zeros((len(x0), len(x0)))
-    J = jacobian(scaled_residuals, x, low[free], high[free])
-    covariance[np.ix_(free, free)] = sandwich_covariance(
-        J, scaled_residuals(x), correlated_lags(scaling.period_s)
-    )
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    friction_std = float(np.sqrt(max(covariance[2:4, 2:4].sum(), 0.0))) * 0.5  # of the mean of both
-    uncertainty = Uncertainty(
-        gain=model.gain * float(std[0]),
-        time_constant_s=model.time_constant_s * float(std[1]),
-        friction=friction_std * scaling.drive,
-        delay_s=float(std[4]) * scaling.period_s,
-        friction_forward=float(std[2]) * scaling.drive,
-        friction_backward=float(std[3]) * scaling.drive,
-        sensor_window_s=float(std[5]) * scaling.period_s,
-    )
+
+    def uncertainty() -> Uncertainty:
+        covariance = np.zeros((len(x0), len(x0)))
+        J = jacobian(scaled_residuals, x, low[free], high[free])
+        covariance[np.ix_(free, free)] = sandwich_covariance(
+            J, scaled_residuals(x), correlated_lags(scaling.period_s)
+        )
+        std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        friction_std = float(np.sqrt(max(covariance[2:4, 2:4].sum(), 0.0))) * 0.5  # of the mean of both
+        return Uncertainty(
+            gain=model.gain * float(std[0]),
+            time_constant_s=model.time_constant_s * float(std[1]),
+            friction=friction_std * scaling.drive,
+            delay_s=float(std[4]) * scaling.period_s,
+            friction_forward=float(std[2]) * scaling.drive,
+            friction_backward=float(std[3]) * scaling.drive,
+            sensor_window_s=float(std[5]) * scaling.period_s,
+        )
+
     return Solution(
         model=model,
         sensor_window_s=window_s(x),
-        uncertainty=uncertainty,
         at_limit=_at_limit(all_of(x), low, high),
+        uncertainty=uncertainty,
     )
 
 

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thumper_tuning.identify.compare_models import ComparedModel, compare_models
-from thumper_tuning.identify.cross_validation import Validation, cross_validate
+from thumper_tuning.identify.cross_validation import Validation, cross_validate, fit_percent_of
 from thumper_tuning.identify.excitation_checks import (
     RECORD,
+    check_determined,
     check_excitation,
-    check_result,
+    check_model,
+    check_percent,
     turns_one_way,
 )
 from thumper_tuning.identify.exponential_filter import FilteredModel, fit_filtered
@@ -136,9 +138,11 @@ def identify(logs: list[MotorLog]) -> IdentifiedMotor:
     segments = with_sensor_window(segments, fit.sensor_window_s)
     if one_direction:
         fit = _one_sided(fit, segments)
+    unit, largest = logs[0].drive_unit, max(float(np.abs(s.drive).max()) for s in segments)
+    check_model(name, fit, fit_percent_of(segments, fit), unit, largest)
     validation = cross_validate(segments, fit)
-    largest = max(float(np.abs(s.drive).max()) for s in segments)
-    check_result(name, fit, validation.fit_percent, logs[0].drive_unit, largest)
+    check_percent(name, validation.fit_percent)
+    check_determined(name, fit, unit)
     warnings = list(dict.fromkeys(warning for log in logs for warning in log.warnings))
     if reversed_sign:
         warnings.append(
@@ -155,7 +159,7 @@ def identify(logs: list[MotorLog]) -> IdentifiedMotor:
     supplies = [log.supply_V for log in logs if log.supply_V is not None]
     return IdentifiedMotor(
         name=name,
-        unit=logs[0].drive_unit,
+        unit=unit,
         model=fit.model,
         uncertainty=_with_filter(_with_hidden_delay(fit), fit, filtered),
         validation=validation,

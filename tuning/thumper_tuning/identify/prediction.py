@@ -48,13 +48,13 @@ def observe(s: LogSegment, response: Response, omega: float) -> FloatArray:
     if s.sensor_window_s < LEAST_WINDOW_S:
         return response(s.edge_s, omega)[1][1:]
     begins_s = s.edge_s[1:] - s.sensor_window_s
-    times_s, at = np.unique(
-        np.concatenate((s.edge_s, np.maximum(begins_s, s.edge_s[0]))), return_inverse=True
-    )
-    angles, _ = response(times_s, omega)
+    times_s = np.concatenate((s.edge_s, np.maximum(begins_s, s.edge_s[0])))
+    order = np.argsort(times_s, kind="stable")  # merges two sorted parts
+    angles = np.empty(len(times_s))
+    angles[order], _ = response(times_s[order], omega)
     n = len(s.edge_s)
     before = omega * np.maximum(s.edge_s[0] - begins_s, 0.0)  # turned before the segment
-    turned: FloatArray = angles[at[1:n]] - angles[at[n:]] + before
+    turned: FloatArray = angles[1:n] - angles[n:] + before
     return turned / s.sensor_window_s
 
 
@@ -101,8 +101,11 @@ def _from_first_window(segment: LogSegment, model: MotorModel) -> float:
     x = np.clip(sensor_s, LEAST_WINDOW_S, window_s) / model.time_constant_s
     # Of the initial speed in the first window.
     share = math.exp(x - window_s / model.time_constant_s) * -math.expm1(-x) / x
-    largest = float(np.percentile(np.abs(segment.speed_rad_s), 95))
     initial = final + (mean - final) / share if share > MIN_SHARE else mean
     if initial * direction < 0.0:
         return 0.0
-    return float(np.clip(initial, -largest, largest))
+    speeds = np.abs(segment.speed_rad_s)
+    if np.count_nonzero(speeds > abs(initial)) > 0.05 * len(speeds):
+        return initial  # below the percentile, which costs more
+    largest = float(np.percentile(speeds, 95))
+    return min(max(initial, -largest), largest)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 RESPONSE_S = 1.2
 MIN_MARKOV, MAX_MARKOV = 8, 80
 REGULAR = 0.2  # windows may differ by this share; a linear discrete model has one period
-FILL_ROUNDS = 12
+FILL_ROUNDS, FILLED = 12, 1e-4  # relative change of the parameters that ends the filling
 AT_REST = 0.03  # of the 95th percentile of the speed
 
 
@@ -104,7 +104,9 @@ def impulse_response(record: LinearRecord, use: BoolArray | None = None) -> Floa
     filled = np.where(known, record.speed, 0.0)
     markov = np.zeros(record.markov_count)
     for _ in range(FILL_ROUNDS):
-        markov = np.asarray(control.markov(filled, record.drive, record.markov_count), dtype=float).ravel()
+        last, markov = markov, np.ravel(control.markov(filled, record.drive, record.markov_count))
+        if np.abs(markov - last).max() < FILLED * np.abs(markov).max():
+            break
         filled = np.where(known, record.speed, np.convolve(record.drive, markov)[: len(record.drive)])
     return markov
 
