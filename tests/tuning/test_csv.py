@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.shared.wheel_plant import COUNT_RAD, Wheel, counted, steps_and_prbs
+from benchmarks.shared.wheel_plant import COUNT_RAD, Wheel, counted
 
+from tests.tuning.test_headers import COUNTS, PWM, ROWS, SPEED, TIME_S, assert_wheel
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
 from thumper_tuning.cli.fit import fit_files
@@ -18,30 +19,29 @@ from thumper_tuning.logs.columns import parse_header
 from thumper_tuning.logs.encoder_counts import unwrap
 from thumper_tuning.logs.read import read_logs
 
-ROWS = 500
-TIME_S = np.arange(ROWS, dtype=float) * 0.1
-PWM = steps_and_prbs(ROWS, 1)
 WHEEL = Wheel()
-COUNTS = counted(WHEEL.drive(TIME_S, PWM, 1))
-SPEED = np.concatenate(([0.0], np.diff(COUNTS) * COUNT_RAD / 0.1))
 NAMES = "time_s,pwm,counts"
 
 Fit = Callable[..., dict[str, object]]
+
+
+def write(path: Path, header: str, *columns: FloatArray, separator: str = ",", before: str = "") -> Path:
+    """Write columns below a header; a semicolon brings decimal commas."""
+    rows = (
+        separator.join("" if math.isnan(x) else f"{x:.14g}" for x in row)
+        for row in zip(*columns, strict=True)
+    )
+    text = before + header.replace(",", separator) + "\n" + "\n".join(rows) + "\n"
+    path.write_text(text.replace(".", ",") if separator == ";" else text)
+    return path
 
 
 @pytest.fixture
 def fit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Fit:
     """Write columns to a file, fit it, and return the printed JSON."""
 
-    def run(header: str, *columns: FloatArray, separator: str = ",", before: str = "") -> dict[str, object]:
-        path = tmp_path / "log.csv"
-        rows = (
-            separator.join("" if math.isnan(x) else f"{x:.14g}" for x in row)
-            for row in zip(*columns, strict=True)
-        )
-        text = before + header.replace(",", separator) + "\n" + "\n".join(rows) + "\n"
-        path.write_text(text.replace(".", ",") if separator == ";" else text)
-        fit_files([path], counts_per_rev=1200.0, as_json=True)
+    def run(header: str, *columns: FloatArray) -> dict[str, object]:
+        fit_files([write(tmp_path / "log.csv", header, *columns)], counts_per_rev=1200.0, as_json=True)
         printed: dict[str, object] = json.loads(capsys.readouterr().out)
         return printed
 
@@ -78,17 +78,18 @@ def test_the_documented_columns(fit: Fit) -> None:
         ("time_s,pwm,counts", (TIME_S, PWM, np.where(TIME_S > 25.0, COUNTS - COUNTS[250], COUNTS))),
     ],
 )
-def test_other_names_units_and_counters(fit: Fit, header: str, columns: tuple[FloatArray, ...]) -> None:
-    assert_good(fit(header, *columns))
+def test_other_names_units_and_counters(tmp_path: Path, header: str, columns: tuple[FloatArray, ...]) -> None:
+    assert_wheel(read_logs(write(tmp_path / "log.csv", header, *columns)))
 
 
 def test_drive_in_volts(fit: Fit) -> None:
     assert_good(fit("time_s,voltage_V,counts", TIME_S, PWM * 7.4 / 255.0, COUNTS), "V", 7.4 / 255.0)
 
 
-def test_semicolons_decimal_commas_and_a_preamble(fit: Fit) -> None:
+def test_semicolons_decimal_commas_and_a_preamble(tmp_path: Path) -> None:
     before = "recorded by a friend\n\n# robot 7\n"
-    assert_good(fit("time_s,pwm,counts", TIME_S, PWM, COUNTS, separator=";", before=before))
+    path = write(tmp_path / "log.csv", NAMES, TIME_S, PWM, COUNTS, separator=";", before=before)
+    assert_wheel(read_logs(path))
 
 
 def test_missing_cells_and_rows(fit: Fit) -> None:
@@ -199,12 +200,14 @@ def test_unwrap_is_exact(bits: int) -> None:
     assert np.diff(unwrapped) == pytest.approx(np.diff(true))
 
 
-def test_units_in_a_row_below_the_header(fit: Fit) -> None:
+def test_units_in_a_row_below_the_header(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
     header = "Zeit,Sollwert,Stellgröße,Drehzahl\n[s],[1/min],[%],[1/min]"
     speed_rpm = SPEED * 30.0 / math.pi
-    assert_good(fit(header, TIME_S, 0.0 * PWM, PWM / 2.55, speed_rpm, separator=";"))
+    write(path, header, TIME_S, 0.0 * PWM, PWM / 2.55, speed_rpm, separator=";")
+    assert_wheel(read_logs(path))
     header = "time,pwm,speed\n(ms),,(deg/s)"
-    assert_good(fit(header, 1e3 * TIME_S, PWM, np.degrees(SPEED)))
+    assert_wheel(read_logs(write(path, header, 1e3 * TIME_S, PWM, np.degrees(SPEED))))
 
 
 def test_infinite_counts_are_missing(tmp_path: Path) -> None:

@@ -6,20 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.shared.wheel_plant import COUNT_RAD, Wheel, counted, steps_and_prbs
+from benchmarks.shared.wheel_plant import COUNT_RAD
 
+from tests.tuning.test_headers import COUNTS, PWM, ROWS, SPEED, TIME_S, assert_wheel
 from thumper.common.errors import ThumperError
 from thumper_tuning.logs.motor_log import MotorLog
 from thumper_tuning.logs.numbers import read_columns, to_number
 from thumper_tuning.logs.read import read_logs
 from thumper_tuning.logs.roles import parse_choices
 
-ROWS = 500
 EPOCH_NS = 1_700_000_000 * 10**9
-TIME_S = np.arange(ROWS, dtype=float) * 0.1
-PWM = steps_and_prbs(ROWS, 1)
-COUNTS = counted(Wheel().drive(TIME_S, PWM, 1))
-SPEED = np.concatenate(([0.0], np.diff(COUNTS) * COUNT_RAD / 0.1))
 
 Row = Callable[[float, float, float, float], str]
 """The text of a row, of time [s], PWM, counts and speed [rad/s]."""
@@ -29,17 +25,9 @@ def assert_read(path: Path, text: str | bytes, **choices: str) -> MotorLog:
     """Assert that the file holds the wheel's time, PWM, and counts or speeds."""
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     picked = parse_choices([f"{role}={header}" for role, header in choices.items()])
-    (log,) = read_logs(path, choices=picked)
-    values = log.speed_rad_s if log.position_rad is None else log.position_rad
-    assert values is not None
-    measured = np.isfinite(values)
-    np.testing.assert_allclose(np.diff(log.time_s[measured]), np.diff(TIME_S), atol=2e-3)
-    np.testing.assert_allclose(log.drive[measured], PWM, atol=0.02)
-    if log.position_rad is None:
-        np.testing.assert_allclose(values[measured], SPEED, atol=2e-3)
-    else:
-        np.testing.assert_allclose(values[measured] - values[measured][0], COUNTS * COUNT_RAD, atol=1e-3)
-    return log
+    logs = read_logs(path, choices=picked)
+    assert len(logs) == 1
+    return assert_wheel(logs)
 
 
 def table(header: str, row: Row) -> str:

@@ -12,7 +12,6 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
 from thumper.recording.mcap_file import McapFile
 from thumper.ros.codec import encode, message
-from thumper_tuning.identify.motor import identify
 from thumper_tuning.logs.column_names import Quantity
 from thumper_tuning.logs.columns import parse_header
 from thumper_tuning.logs.guess_units import guess_time_unit
@@ -23,8 +22,7 @@ from thumper_tuning.logs.roles import parse_choices
 ROWS = 500
 TIME_S = np.arange(ROWS, dtype=float) * 0.1
 PWM = steps_and_prbs(ROWS, 1)
-WHEEL = Wheel()
-COUNTS = counted(WHEEL.drive(TIME_S, PWM, 1))
+COUNTS = counted(Wheel().drive(TIME_S, PWM, 1))
 SPEED = np.concatenate(([0.0], np.diff(COUNTS) * COUNT_RAD / 0.1))
 
 
@@ -34,11 +32,20 @@ def write(path: Path, header: str, *columns: FloatArray, separator: str = ",") -
     return path
 
 
-def assert_wheel(logs: list[MotorLog], drive_scale: float = 1.0) -> MotorLog:
-    model = identify(logs).model
-    assert model.gain == pytest.approx(WHEEL.gain / drive_scale, rel=0.02)
-    assert model.time_constant_s == pytest.approx(WHEEL.tau_s, rel=0.05)
-    return logs[0]
+def assert_wheel(logs: list[MotorLog], drive_scale: float = 1.0, sign: float = 1.0) -> MotorLog:
+    """Assert that the first log holds the wheel's time, drive, and speeds or positions; return it."""
+    log = logs[0]
+    values = log.speed_rad_s if log.position_rad is None else log.position_rad
+    assert values is not None
+    rows = np.flatnonzero(np.isfinite(values))
+    np.testing.assert_allclose(np.diff(log.time_s[rows]), np.diff(TIME_S), atol=2e-3)
+    np.testing.assert_allclose(log.drive[rows], sign * drive_scale * PWM, atol=0.02)
+    if log.position_rad is None:
+        np.testing.assert_allclose(values[rows], sign * SPEED, atol=2e-3)
+    else:
+        turned, no_reset = np.diff(values[rows]), ~log.starts_segment[rows][1:]
+        np.testing.assert_allclose(turned[no_reset], sign * np.diff(COUNTS)[no_reset] * COUNT_RAD, atol=1e-3)
+    return log
 
 
 @pytest.mark.parametrize(
@@ -102,7 +109,7 @@ def test_columns_can_be_chosen(tmp_path: Path, header: str, choices: list[str]) 
 
 
 def test_a_file_of_numbers_alone_needs_the_columns(tmp_path: Path) -> None:
-    path = write(tmp_path / "log.txt", "0 0 0", TIME_S + 0.1, PWM, SPEED, separator=" ")
+    path = write(tmp_path / "log.txt", "0.1 60 0", TIME_S[1:] + 0.1, PWM[1:], SPEED[1:], separator=" ")
     with pytest.raises(ThumperError, match="--column output=HEADER"):
         read_logs(path)
     assert_wheel(read_logs(path, choices=parse_choices(["time=1", "drive=2", "output=3:rad/s"])))
@@ -223,7 +230,7 @@ def test_numbered_motors(tmp_path: Path, name: str) -> None:
     path = write(tmp_path / "log.csv", f"time_s,{name}", TIME_S, PWM, COUNTS, -PWM, -COUNTS)
     logs = read_logs(path)
     assert [log.name for log in logs] == ["m1", "m2"]
-    assert_wheel(logs[1:])
+    assert_wheel(logs[1:], sign=-1.0)
 
 
 def test_qualifiers_do_not_hide_a_quantity() -> None:
