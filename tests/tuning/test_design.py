@@ -89,13 +89,13 @@ def _random_loops(count: int) -> Iterator[tuple[Plant, float, float]]:
 def test_the_fast_search_agrees_with_python_control_on_random_plants() -> None:
     """Stability is decided alike; Ms is equal where a design may be (up to 3), to 1.5 %."""
     compared = 0
-    for plant, kp, ki in _random_loops(150):
+    for plant, kp, ki in _random_loops(75):
         fast, margins = max_sensitivity(plant, kp, ki), SpeedLoop.of_board(plant, kp, ki).margins()
         assert math.isfinite(fast) is margins.stable
         if margins.max_sensitivity < 3.0:
             compared += 1
             assert fast == pytest.approx(margins.max_sensitivity, rel=0.015)
-    assert compared > 50
+    assert compared > 25
 
 
 def test_the_loop_is_that_of_the_difference_equation() -> None:

@@ -134,8 +134,8 @@ def test_the_export_loads_into_python_control(motor: IdentifiedMotor, tmp_path: 
 def test_a_richer_model_predicts_as_well_as_the_first_order() -> None:
     """Also speeds that a driver reads at the row, not averaged over it: there the second order was worse."""
     period_s = 0.02
-    time_s = period_s * np.arange(2500.0)
-    pwm = np.repeat(steps_and_prbs(500, 3), 5)
+    time_s = period_s * np.arange(1250.0)
+    pwm = np.repeat(steps_and_prbs(250, 3), 5)
     angle = Wheel().drive(time_s, pwm, 3)
     speed = np.gradient(angle, period_s)
     log = MotorLog(

@@ -140,8 +140,9 @@ class SpeedLoop:
             return UNSTABLE
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the last frequency of disk_margins is rounded above Nyquist
-            _, phase_deg, distance, _, crossover_rad_s, _ = control.stability_margins(self.open_loop)
-            gains, _, _, gains_rad_s, _, _ = control.stability_margins(self.open_loop, returnall=True)
+            gains, phases_deg, distances, gains_rad_s, crossovers_rad_s, _ = control.stability_margins(
+                self.open_loop, returnall=True
+            )
             at_nyquist = -float(np.real(self.open_loop(-1.0)))
             _, disk_dB, disk_deg = control.disk_margins(self.open_loop, self.frequencies())
         gains = gains[
@@ -152,15 +153,17 @@ class SpeedLoop:
             gain = min(gain, 1.0 / at_nyquist)
         T, _, _ = control.frequency_response(self.closed_loop, self.frequencies())
         S, _, _ = control.frequency_response(self.sensitivity, self.frequencies())
+        crossovers = zip(phases_deg.tolist(), crossovers_rad_s.tolist(), strict=True)
+        phase_deg, crossover_rad_s = min(crossovers, key=lambda found: abs(found[0]), default=(180.0, 0.0))
         has_crossover = math.isfinite(phase_deg) and crossover_rad_s > 0.0
         return LoopMargins(
             stable=True,
             # For a few discrete loops, stability_margins uses a coarse grid and misses the maximum of |S|.
-            max_sensitivity=max(1.0 / float(distance), float(np.max(S))),
+            max_sensitivity=max(1.0 / float(np.min(distances, initial=math.inf)), float(np.max(S))),
             max_complementary=float(np.max(T)),
             gain_margin=float(gain),
-            phase_margin_deg=float(phase_deg) if has_crossover else 180.0,
-            delay_margin_s=math.radians(phase_deg) / float(crossover_rad_s) if has_crossover else math.inf,
+            phase_margin_deg=phase_deg if has_crossover else 180.0,
+            delay_margin_s=math.radians(phase_deg) / crossover_rad_s if has_crossover else math.inf,
             disk_gain_margin=float(control.db2mag(disk_dB)),
             disk_phase_margin_deg=float(disk_deg),
         )

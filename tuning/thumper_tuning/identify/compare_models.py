@@ -75,9 +75,13 @@ def era_models(segments: list[LogSegment], fit: Fit) -> list[ComparedModel]:
         return []
     use, speeds, found = ~fit.is_glitch, all_speeds(segments), []
 
+    responses: dict[bytes, FloatArray] = {}  # of the windows that are not held out: both orders need them
+
     def residuals(order: int, kept: BoolArray) -> FloatArray:
-        markov = impulse_response(record, use & kept)
-        return speeds - predict_linear(record, realize(markov, order, record.period_s))
+        key = kept.tobytes()
+        if key not in responses:
+            responses[key] = impulse_response(record, use & kept)
+        return speeds - predict_linear(record, realize(responses[key], order, record.period_s))
 
     markov = impulse_response(record, use)
     for order in ERA_ORDERS:
