@@ -29,6 +29,7 @@ from thumper.maps.annotations import Annotations, parse_feature
 from thumper.maps.cell_changes import CellBox
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.ros.codec import Message
+from thumper.ros.markers import object_markers
 from thumper.ros.service import json_object
 from thumper.ros.services import ExperimentState
 from thumper.ros.status import Status
@@ -82,7 +83,7 @@ class FakeRobot:
     period_s: float = PERIOD_S
     lidar_scans: int = 567
     experiment: str = ""  # the one that runs
-    has_sensors: bool = False  # a BNO08x, a GPS receiver and a camera
+    has_sensors: bool = False  # a BNO08x, a GPS receiver, and a camera with a detector
     annotations: Annotations = field(default_factory=Annotations)
     grid: OccupancyGrid = field(default_factory=room)
 
@@ -264,6 +265,7 @@ class FakeRobot:
         self._send("map_changes", map_change(before, new, changed))
 
     def _publish_sensors(self, now_s: float, pose: Pose2) -> None:
+        self._send("objects", object_markers(self._messages, now_s, [("chair", 1.0, 0.5)]))
         fix = Fix(
             time_s=now_s,
             status=FixStatus.RTK,

@@ -1,4 +1,4 @@
-"""Camera, GPS and IMU on the page: each only if the robot has it."""
+"""Camera, GPS, IMU and detected objects on the page: each only if the robot has it."""
 
 from benchmarks.shared.fake_robot import FakeRobot
 from playwright.sync_api import Page, expect
@@ -47,3 +47,25 @@ def test_sensors_are_shown_until_the_robot_restarts_without_them(page: Page, rob
     robot.lidar_scans = 3
     expect(page.locator(".tp-header .tp-of-gps")).to_be_hidden()
     expect(page.locator(".tp-camera")).to_be_hidden()
+
+
+def test_a_detected_object_is_drawn_with_its_label(page: Page, robot: FakeRobot) -> None:
+    page.evaluate(
+        """() => {
+          const draw = CanvasRenderingContext2D.prototype.fillText;
+          window.texts = new Map();
+          CanvasRenderingContext2D.prototype.fillText = function (text, x, y) {
+            window.texts.set(text, [x, y]);
+            draw.call(this, text, x, y);
+          };
+        }"""
+    )
+    robot.has_sensors = True
+    page.wait_for_function("window.texts.has('chair')")
+    at_px = page.evaluate("window.texts.get('chair')")
+    assert at_px == page.evaluate(f"(([x, y]) => [x, y + 22])({MAP}.camera.toScreen(1.0, 0.5))")
+    page.click("[data-tool=layers]")
+    page.locator("[data-layer=annotations]").uncheck()
+    page.evaluate(f"window.texts.clear(), {MAP}.dirty = true")
+    page.wait_for_function("window.texts.size > 0")  # another frame has been drawn
+    assert not page.evaluate("window.texts.has('chair')")

@@ -47,15 +47,15 @@ SLAM = (
     "mode_switch",
 )
 RUNTIME = (
-    "drive_log drive_result real_time_rate requests tag_anchors",
-    "state_estimator",
+    "drive_log drive_result object_place real_time_rate requests tag_anchors",
+    "object_map state_estimator",
     "sensor_table",
     "sensor_inputs",
     "safe_stop",
     "drive",
     "publisher",
     "service",
-    "reconnection",
+    "object_finder reconnection",
     "control_cycle",
     "loop",
     "assembly",

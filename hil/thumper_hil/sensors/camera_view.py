@@ -1,4 +1,4 @@
-"""Render what a pinhole camera sees of the world: floor, walls and tags, as grey values.
+"""Render what a pinhole camera sees of the world: floor, walls and tags, as grey values, and coloured boxes.
 
 Walls end at `WALL_M`. Their grey depends on the distance only, so nothing but a tag has corners. A tag is
 drawn through the homography of its four corners, at several times the resolution of the image, so that its
@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper_hil.world.paint import PaintedBox
+from thumper_hil.world.segment_raycast import cast_rays
 from thumper_hil.world.tag_shape import TagShape
 from thumper_hil.world.world import World
 
@@ -37,6 +39,13 @@ def tag_texture(number: int, cell_px: int) -> GreyImage:
     return np.asarray(BLACK + (WHITE - BLACK) / 255.0 * paper, np.float32)
 
 
+def _ranges_m(origins_m: FloatArray, angles_rad: FloatArray, sides_m: FloatArray) -> GreyImage:
+    """Return the distance along each ray to the sides of a box, +inf for none, shape (n,)."""
+    ranges_m, hit = np.empty(angles_rad.size), np.empty(angles_rad.size, np.int32)
+    cast_rays(origins_m, angles_rad, sides_m, np.zeros((0, 3)), ranges_m, hit)
+    return ranges_m.astype(np.float32)
+
+
 class CameraView:
     """A camera with the matrix `matrix`, shape (3, 3), mounted at `base_from_optical`, shape (4, 4)."""
 
@@ -54,7 +63,10 @@ class CameraView:
         self._slope = slope.astype(np.float32)
 
     def render(self, world: World, map_from_base: Pose2) -> GreyImage:
-        """Return the image, shape (height, width), with values 0...255."""
+        """Return the image with values 0...255, shape (height, width).
+
+        In a world with coloured boxes its shape is (height, width, 3): blue, green, red as in OpenCV.
+        """
         base_from_map = np.eye(4)
         inverse = map_from_base.inverse()
         cos, sin = math.cos(inverse.theta_rad), math.sin(inverse.theta_rad)
@@ -63,7 +75,8 @@ class CameraView:
         optical_from_map = np.linalg.inv(self._base_from_optical) @ base_from_map
         mount = self._base_from_optical[:3, 3]
         x_m, y_m = map_from_base.apply(mount[None, :2])[0]
-        ranges_m = world.cast(x_m, y_m, map_from_base.theta_rad + self._angles_rad).astype(np.float32)
+        angles_rad = map_from_base.theta_rad + self._angles_rad
+        ranges_m = world.cast_behind_painted(float(x_m), float(y_m), angles_rad).astype(np.float32)
         walls_m = ranges_m[self._ray_of_pixel]
         with np.errstate(invalid="ignore"):
             height_m = float(mount[2]) + self._slope * walls_m
@@ -72,7 +85,22 @@ class CameraView:
         image[height_m >= WALL_M] = CEILING_GREY
         for tag in world.tags:
             self._draw(image, tag, optical_from_map, walls_m)
+        if not world.painted:
+            return image
+        image = np.repeat(image[..., None], 3, axis=2)
+        origins_m = np.tile((x_m, y_m), (angles_rad.size, 1))
+        for box in world.painted:
+            self._paint(image, box, walls_m, _ranges_m(origins_m, angles_rad, box.sides_m))
         return image
+
+    def _paint(self, image: GreyImage, box: PaintedBox, nearest_m: GreyImage, ranges_m: GreyImage) -> None:
+        """Colour the pixels whose rays reach a box before anything else; then it is what is nearest."""
+        ranges_m = ranges_m[self._ray_of_pixel]
+        with np.errstate(invalid="ignore"):
+            height_m = float(self._base_from_optical[2, 3]) + self._slope * ranges_m
+            seen = (ranges_m < nearest_m) & (height_m > 0.0) & (height_m < box.paint.height_m)
+        image[seen] = box.paint.colour[::-1]
+        nearest_m[seen] = ranges_m[seen]
 
     def _draw(
         self, image: GreyImage, tag: TagShape, optical_from_map: FloatArray, walls_m: GreyImage

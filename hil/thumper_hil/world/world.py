@@ -13,6 +13,7 @@ from thumper.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from thumper_hil.effects.surfaces import GLASS_VISIBLE_RAD, Surface, SurfaceArray
 from thumper_hil.world.echoes import Echoes
 from thumper_hil.world.occupancy import SolidGrid
+from thumper_hil.world.paint import PaintedBox
 from thumper_hil.world.pedestrian import Pedestrian, TimedObstacle
 from thumper_hil.world.segment_raycast import (
     GridGeometry,
@@ -43,7 +44,8 @@ class World:
     are matt. The lidar sees `legs_m`, circles of walking people, but the robot does not stop at them
     (`scene.py`). It does stop at `overhangs_m`, segments that the lidar does not see, such as the edge of a
     low table top. `sills_m`, rows x0 y0 x1 y1 height, are seen by nobody; the wheels climb over them. Only
-    the camera sees `tags`.
+    the camera sees `tags`, and that the boxes in `painted` have a colour and end at a height; `boxes_m` and
+    `segments_m` have them, too.
     """
 
     segments_m: FloatArray
@@ -58,6 +60,7 @@ class World:
     overhangs_m: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
     sills_m: FloatArray = field(default_factory=lambda: np.zeros((0, 5)))
     tags: tuple[TagShape, ...] = ()
+    painted: tuple[PaintedBox, ...] = ()
 
     @classmethod
     def load(cls, name_or_path: str | Path) -> Self:
@@ -92,6 +95,11 @@ class World:
             overhangs_m=np.vstack([np.zeros((0, 4)), *(table.edges_m() for table in shapes.tables)]),
             sills_m=np.array(shapes.sills, np.float64).reshape(-1, 5),
             tags=shapes.tags,
+            painted=tuple(
+                PaintedBox(sides_m=box_sides(box), paint=paint)
+                for box, paint in zip(boxes, shapes.box_paints, strict=False)
+                if paint is not None
+            ),
         )
 
     def cast(self, x_m: ArrayLike, y_m: ArrayLike, angles_rad: ArrayLike) -> FloatArray:
@@ -104,6 +112,15 @@ class World:
         )
         origins_m = np.column_stack([x.ravel(), y.ravel()])
         return self._cast(origins_m, angles.astype(np.float64).ravel(), self.segments_m)[0]
+
+    def cast_behind_painted(self, x_m: float, y_m: float, angles_rad: FloatArray) -> FloatArray:
+        """Return what `cast` does, as if there were no coloured boxes, shape (n,)."""
+        if not self.painted:
+            return self.cast(x_m, y_m, angles_rad)
+        sides_m = np.vstack([box.sides_m for box in self.painted])
+        is_painted = (self.segments_m[:, None] == sides_m[None]).all(axis=2).any(axis=1)
+        origins_m = np.tile((x_m, y_m), (angles_rad.size, 1))
+        return self._cast(origins_m, angles_rad, self.segments_m[~is_painted])[0]
 
     def _cast(
         self, origins_m: FloatArray, angles_rad: FloatArray, segments_m: FloatArray

@@ -14,6 +14,7 @@ from thumper.common.geometry import FloatArray
 from thumper.common.toml_file import load_toml
 from thumper_hil.effects.surfaces import Surface
 from thumper_hil.world.furniture import Furniture
+from thumper_hil.world.paint import Paint
 from thumper_hil.world.pedestrian import Pedestrian, TimedObstacle
 from thumper_hil.world.tag_shape import TagShape
 
@@ -22,7 +23,8 @@ WORLDS = Path(__file__).resolve().parent.parent / "worlds"
 WALL_KEYS = frozenset({"name", "points_m", "closed", "surface"})
 TIME_KEYS = frozenset({"from_s", "until_s"})
 RECTANGLE_KEYS = frozenset({"name", "x_m", "y_m", "length_m", "width_m", "yaw_deg"})
-BOX_KEYS = RECTANGLE_KEYS | TIME_KEYS | {"surface"}
+PAINT_KEYS = frozenset({"colour", "height_m"})
+BOX_KEYS = RECTANGLE_KEYS | TIME_KEYS | PAINT_KEYS | {"surface"}
 CIRCLE_KEYS = frozenset({"name", "x_m", "y_m", "radius_m", "surface"}) | TIME_KEYS
 PERSON_KEYS = frozenset({"name", "waypoints_m", "speed_m_s", "radius_m", "leg_radius_m", "from_s"})
 TABLE_KEYS = {
@@ -41,6 +43,7 @@ PERSON_SPEED_M_S = 0.8
 TABLE_LEG_RADIUS_M = 0.02
 TABLE_CLEARANCE_M = 0.7
 SILL_HEIGHT_M = 0.015
+BOX_HEIGHT_M = 0.5  # of a coloured box
 TAG_HEIGHT_M, TAG_SIZE_M, TAGS_IN_FAMILY = 0.20, 0.10, 587
 
 
@@ -59,6 +62,7 @@ class WorldShapes:
     box_surfaces: tuple[int, ...] = ()
     circle_surfaces: tuple[int, ...] = ()
     tags: tuple[TagShape, ...] = ()
+    box_paints: tuple[Paint | None, ...] = ()  # of the first boxes
     map_path: Path | None = None
 
 
@@ -115,6 +119,7 @@ def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
         box_surfaces=base.box_surfaces + own.box_surfaces,
         circle_surfaces=base.circle_surfaces + own.circle_surfaces,
         tags=base.tags + own.tags,
+        box_paints=base.box_paints + own.box_paints,
         map_path=own.map_path or base.map_path,
     )
 
@@ -129,13 +134,16 @@ def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
         sides = list(_wall_segments(where, wall))
         segments += sides
         segment_surfaces += [_surface(where, wall)] * len(sides)
-    boxes, circles, timed = [], [], []
+    boxes, box_paints, circles, timed = [], [], [], []
     for where, table in _tables(data, "box"):
         box = _box(where, table)
         if TIME_KEYS & table.keys():
+            if PAINT_KEYS & table.keys():
+                raise _BadWorldError(f"{where}colour: a box that comes or goes has none; remove it")
             timed.append(_timed(where, table, TimedObstacle(box=box)))
         else:
             boxes.append(box)
+            box_paints.append(_paint(where, table))
             box_surfaces.append(_surface(where, table))
     for where, table in _tables(data, "circle"):
         circle = (
@@ -161,6 +169,7 @@ def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
         segment_surfaces=tuple(segment_surfaces),
         box_surfaces=tuple(box_surfaces),
         circle_surfaces=tuple(circle_surfaces),
+        box_paints=tuple(box_paints),
         tags=tuple(_tag(where, table) for where, table in _tables(data, "tag")),
         map_path=folder / data["map"] if "map" in data else None,
     )
@@ -174,6 +183,20 @@ def _box(where: str, table: dict[str, Any]) -> tuple[float, float, float, float,
         _positive(table, "width_m", where),
         _number({"yaw_deg": 0.0, **table}, "yaw_deg", where),
     )
+
+
+def _paint(where: str, table: dict[str, Any]) -> Paint | None:
+    """Return colour and height of a box; None if it looks like a wall to the camera."""
+    if "colour" not in table:
+        if "height_m" in table:
+            raise _BadWorldError(f"{where}height_m: only a coloured box has a height; add colour")
+        return None
+    colour = table["colour"]
+    if not (isinstance(colour, list) and len(colour) == 3 and all(isinstance(c, int) for c in colour)):
+        raise _BadWorldError(f"{where}colour = {colour!r}: give red, green and blue, each 0 to 255")
+    red, green, blue = (min(max(value, 0), 255) for value in colour)
+    height_m = _positive({"height_m": BOX_HEIGHT_M, **table}, "height_m", where)
+    return Paint(colour=(red, green, blue), height_m=height_m)
 
 
 def _surface(where: str, table: dict[str, Any]) -> int:

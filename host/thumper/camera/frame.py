@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    GreyImage = NDArray[np.uint8]
+    Image = NDArray[np.uint8]
 
 MAX_PIXELS = 20_000_000  # 5000 x 4000
 MAX_SCANS = 16  # a usual image has 1, a progressive one about 10; each is a pass over all pixels
@@ -56,12 +56,23 @@ class CameraFrame:
     time_s: float  # of the middle of the exposure, on the host's clock
     jpeg: bytes
 
-    def grey(self) -> "GreyImage":
+    def grey(self) -> "Image":
         """Decode to shape (height, width); raise ValueError if the bytes are damaged, as `jpeg_shape`."""
         import cv2
 
+        return self._decoded(cv2.IMREAD_GRAYSCALE)
+
+    def rgb(self) -> "Image":
+        """Decode to shape (height, width, 3); raise ValueError if the bytes are damaged, as `jpeg_shape`."""
+        import cv2
+
+        return self._decoded(cv2.IMREAD_COLOR_RGB)
+
+    def _decoded(self, colours: int) -> "Image":
+        import cv2
+
         jpeg_shape(self.jpeg)
-        as_sent = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION  # the intrinsics are for that
+        as_sent = colours | cv2.IMREAD_IGNORE_ORIENTATION  # the intrinsics are for that
         try:
             image = cv2.imdecode(np.frombuffer(self.jpeg, np.uint8), as_sent)
         except cv2.error as error:

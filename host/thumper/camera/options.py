@@ -31,6 +31,8 @@ class CameraOptions:
     pitch_deg: Annotated[float, Gt(-90), Le(90)] = 0.0  # downward
     latency_s: Annotated[float, Ge(0)] = 0.03  # from the middle of the exposure to the driver's stamp
     publish_Hz: Annotated[float, Gt(0)] = 2.0  # at most so many frames are published and recorded
+    detector: str = ""  # ONNX file of a YOLO detector, which finds objects; empty: none
+    min_score: Annotated[float, Gt(0), Le(1)] = 0.5  # of a detected object
 
     def matrix(self) -> FloatArray:
         """Return the camera matrix, shape (3, 3)."""

@@ -37,6 +37,9 @@ def goto(
         tuple[float, float] | None,
         typer.Option("--gps", metavar="LAT LON", help="Goal on Earth, in degrees, instead of X Y."),
     ] = None,
+    object_: Annotated[
+        str, typer.Option("--object", metavar="NAME", help="Object that the robot has seen, such as chair.")
+    ] = "",
     tolerance: GoalTolerance = 0.1,
     wait: Annotated[bool, typer.Option(help="Wait until the drive ends.")] = True,
     clear_fault: ClearFault = False,
@@ -48,16 +51,23 @@ def goto(
 
     Exits with 1 if the goal is rejected or not reached.
 
-    Example: `thumper goto 1.5 -0.5 90`, `thumper goto kitchen`, `thumper goto --gps 48.26243 11.66810`
+    Example: `thumper goto 1.5 -0.5 90`, `thumper goto kitchen`, `thumper goto --gps 48.26243 11.66810`,
+    `thumper goto --object chair`
     """
     from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
     from thumper.ros import services
     from thumper.ros.services import RunCommand, SendMission
 
-    if gps is not None:
+    if gps is not None and not object_:
         goal = _on_earth(gps, tolerance, is_alone=not x)
+    elif object_:
+        if x or gps is not None:
+            raise ThumperError("--object is the goal: leave out X, Y, PLACE and --gps", exit_code=EXIT_USAGE)
+        goal = SendMission(object=object_, tolerance_m=tolerance)
     elif not x:
-        raise ThumperError("pass a goal: X Y, the name of a place, or --gps LAT LON", exit_code=EXIT_USAGE)
+        raise ThumperError(
+            "pass a goal: X Y, the name of a place, --gps LAT LON or --object NAME", exit_code=EXIT_USAGE
+        )
     elif y is None and not x.startswith("-") and not _is_number(x):
         goal = SendMission(place=x, tolerance_m=tolerance)
     else:

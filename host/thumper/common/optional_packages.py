@@ -10,6 +10,7 @@ EXTRAS = {  # extra of pyproject.toml: the feature it serves, the modules it ins
     "gamepad": ("a gamepad", ("pygame",)),
     "foxglove": ("Foxglove", ("foxglove", "cryptography")),
     "camera": ("the camera", ("cv2",)),
+    "objects": ("a detector of objects", ("cv2", "onnxruntime")),
     "notebooks": ("a live picture", ("IPython",)),
     "campaign": ("a campaign", ("distributed", "dask")),
 }

@@ -173,15 +173,17 @@ def load_config(path: Path | None) -> RobotConfig:
         check_names(config.navigation)
     except ThumperError as error:
         raise ThumperError(f"{path}: navigation: {error}", exit_code=EXIT_USAGE) from error
-    return _with_absolute_masks(config, path.parent)
+    return _with_absolute_files(config, path.parent)
 
 
-def _with_absolute_masks(config: RobotConfig, folder: Path) -> RobotConfig:
-    """Return the configuration with mask files relative to its own folder."""
-    masks = config.navigation.masks
-    keepout, speed = (str(folder / name) if name else "" for name in (masks.keepout, masks.speed))
+def _with_absolute_files(config: RobotConfig, folder: Path) -> RobotConfig:
+    """Return the configuration with the files of masks and detector relative to its own folder."""
+    masks, camera = config.navigation.masks, config.camera
+    names = (masks.keepout, masks.speed, camera.detector)
+    keepout, speed, detector = (str(folder / name) if name else "" for name in names)
     masks = replace(masks, keepout=keepout, speed=speed)
-    return replace(config, navigation=replace(config.navigation, masks=masks))
+    navigation = replace(config.navigation, masks=masks)
+    return replace(config, navigation=navigation, camera=replace(camera, detector=detector))
 
 
 def config_to_json(config: RobotConfig) -> str:

@@ -29,6 +29,7 @@ from thumper.ros.from_ros import (
     status_of,
     telemetry_of,
 )
+from thumper.ros.markers import objects_of
 
 INTEGRAL_STEPS_PER_PWM = 64.0
 LOG_LEVELS = {10: "debug", 20: "info", 30: "warning", 40: "error", 50: "error"}  # rcl_interfaces/Log
@@ -147,6 +148,11 @@ def annotations(message: Message) -> dict[str, Any]:
         return annotations_of(json.loads(message.data)).to_geojson()
     except ThumperError as error:
         raise ValueError(str(error)) from error
+
+
+def objects(message: Message) -> list[list[Any]]:
+    """Return label, x and y [m] of each detected object, of a MarkerArray."""
+    return [[label, _rounded(x_m), _rounded(y_m)] for label, x_m, y_m in objects_of(message)]
 
 
 def event(message: Message) -> dict[str, Any]:

@@ -27,7 +27,7 @@ GRIDS = ("map", "local_costmap")
 PATHS = ("plan", "local_plan")
 SENSORS = ("imu", "gps", "camera")  # of some robots
 TOPICS = (
-    *("pose", "annotations", *GRIDS, "scan", *PATHS, "particles"),
+    *("pose", "annotations", "objects", *GRIDS, "scan", *PATHS, "particles"),
     *(*SENSORS, "gps_odom", "wheels", "events", "status"),
 )
 GRID_PERIOD_S = 0.5  # a grid is sent at most this often
@@ -152,6 +152,8 @@ class PageState:
             values[name] = display_data.gps_in_map(message)
         elif name == "annotations":
             values[name] = display_data.annotations(message)
+        elif name == "objects":
+            values[name] = display_data.objects(message)
         elif name in PATHS:
             arrays[name] = path_of(message)[:, :2]
         elif name == "particles":

@@ -1,6 +1,6 @@
-"""Zones, places and tags as a MarkerArray, which RViz and Foxglove draw in the map."""
+"""Zones, places, tags and objects as MarkerArrays, which RViz and Foxglove draw in the map."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -14,16 +14,42 @@ ARROW, SPHERE, LINE_STRIP, TEXT = 0, 2, 4, 9
 ADD, DELETE_ALL = 0, 3
 LINE_WIDTH_M, TEXT_HEIGHT_M, SPHERE_M, ARROW_M = 0.04, 0.2, 0.15, (0.4, 0.06, 0.06)
 RED, AMBER, BLUE = (0.82, 0.14, 0.18), (0.85, 0.55, 0.0), (0.18, 0.5, 0.97)
+OBJECT = "object"  # namespace of the labels of objects
 
 
 def markers(messages: Messages, time_s: float, annotations: Annotations) -> Message:
     """Build the MarkerArray; its first marker deletes those of the message before."""
     header = messages.header(time_s, MAP)
-    found = [_marker(header, ARROW, BLUE, ARROW_M)]
-    found[0].action = DELETE_ALL
+    found = [_delete_all(header)]
     for number, item in enumerate(annotations):
         found += _zone(header, number, item) if isinstance(item, Zone) else _place(header, number, item)
     return message("visualization_msgs/msg/MarkerArray", markers=found)
+
+
+def object_markers(messages: Messages, time_s: float, objects: Iterable[tuple[str, float, float]]) -> Message:
+    """Build the MarkerArray of objects: label, x and y [m] of each; the text of a label is at its place."""
+    header = messages.header(time_s, MAP)
+    found = [_delete_all(header)]
+    for number, (label, x_m, y_m) in enumerate(objects):
+        at = _marker(header, SPHERE, AMBER, (SPHERE_M,) * 3)
+        at.pose = pose_message(x_m, y_m, 0.0)
+        at.ns, at.id = "place", number
+        text = _label(header, number, label, Pose2(x_m=x_m, y_m=y_m))
+        text.ns = OBJECT
+        found += [at, text]
+    return message("visualization_msgs/msg/MarkerArray", markers=found)
+
+
+def objects_of(msg: Message) -> list[tuple[str, float, float]]:
+    """Return label, x and y [m] of each object in a MarkerArray of `object_markers`."""
+    labels = [marker for marker in msg.markers if marker.ns == OBJECT and marker.type == TEXT]
+    return [(label.text, label.pose.position.x, label.pose.position.y) for label in labels]
+
+
+def _delete_all(header: Message) -> Message:
+    marker = _marker(header, ARROW, BLUE, ARROW_M)
+    marker.action = DELETE_ALL
+    return marker
 
 
 def _zone(header: Message, number: int, zone: Zone) -> Iterator[Message]:

@@ -43,6 +43,7 @@ class SendMission:
     yaw_rad: Annotated[float | None, "else any heading will do"] = None
     tolerance_m: Annotated[float | None, "0.02 ... 1"] = None
     place: Annotated[str | None, "name of a place, instead of `x_m`, `y_m` and `yaw_rad`"] = None
+    object: Annotated[str | None, "class of an object that a detector has seen, likewise"] = None
     latitude_deg: Annotated[float | None, "with `longitude_deg` instead of `x_m` and `y_m`"] = None
     longitude_deg: float | None = None
 

@@ -90,6 +90,16 @@ def _fix(msg: Message) -> str:
     return f"{place}; {fix.status.name} fix, sigma {fix.std_m:.2f} m"
 
 
+def _markers(msg: Message) -> str:
+    """List the labels of a MarkerArray."""
+    labels = [marker for marker in msg.markers if marker.text]
+    return ", ".join(_label(label.text, label.pose.position) for label in labels) or "none"
+
+
+def _label(text: str, at: Message) -> str:
+    return f"{text} ({at.x:.2f}, {at.y:.2f})"
+
+
 def _scan(msg: Message) -> str:
     scan = from_ros.scan_of(msg)
     in_range = (scan.ranges_m >= scan.range_min_m) & (scan.ranges_m <= scan.range_max_m)
@@ -180,4 +190,5 @@ _FORMATTERS: Mapping[str, Callable[[Message], str]] = {
     "tf2_msgs/msg/TFMessage": _transforms,
     "thumper_msgs/msg/Status": _status,
     "thumper_msgs/msg/Wheels": _wheels,
+    "visualization_msgs/msg/MarkerArray": _markers,
 }

@@ -59,6 +59,7 @@ TOPICS: Mapping[str, Topic] = MappingProxyType(
         "events": _out("rcl_interfaces/msg/Log"),
         "annotations": _out("std_msgs/msg/String", latched=True),  # zones and places, GeoJSON
         "markers": _out("visualization_msgs/msg/MarkerArray", latched=True),  # the same for RViz and Foxglove
+        "objects": _out("visualization_msgs/msg/MarkerArray", latched=True),  # that the detector has seen
         "session": _out("std_msgs/msg/String", latched=True),  # JSON: metadata of the run, for recordings
         "goal": _in("geometry_msgs/msg/PoseStamped"),
         "waypoints": _in("nav_msgs/msg/Path"),

@@ -41,6 +41,7 @@ OUT: Mapping[str, RosTopic] = MappingProxyType(  # by the topic of the bus, whos
         "wheels": RosTopic(name="wheels"),
         "battery": RosTopic(name="battery_state"),
         "markers": RosTopic(name="zones", qos=LATCHED),
+        "objects": RosTopic(name="objects", qos=LATCHED),
         "status": RosTopic(name="status", qos=LATCHED),
         "events": RosTopic(name="/rosout", qos=Qos(durability=TRANSIENT_LOCAL, depth=100)),
     }

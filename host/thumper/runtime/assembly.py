@@ -1,7 +1,7 @@
 """Opens the ports that a configuration names and wires the robot's parts to them."""
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +11,8 @@ from thumper.board.board import Board
 from thumper.board.gyroscope import check_gyroscope
 from thumper.board.messages import GyroscopeState, Identity
 from thumper.board.parameters import parameter_named
+from thumper.camera.detector_thread import FindObjects, detector_thread
+from thumper.camera.frame import CameraFrame
 from thumper.camera.tag_tracker import TagTracker
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
@@ -39,6 +41,8 @@ from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.drive.goal_limits import GoalLimits
 from thumper.runtime.drive.task_driver import TaskDriver
 from thumper.runtime.loop import UNCONFIRMED, RobotLoop, RobotParts
+from thumper.runtime.object_finder import ObjectFinder
+from thumper.runtime.object_map import ObjectMap
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.reconnection import Connecting, Reconnection
 from thumper.runtime.requests import LogMessage
@@ -92,6 +96,9 @@ def open_robot(
     warm_up(config)  # compiling takes seconds, which must not pass while wheels turn
     with _report_motors_off(), ExitStack() as stack:
         stack.enter_context(record_interrupts())
+        find_objects = None
+        if config.camera.enabled and config.camera.detector:
+            find_objects = stack.enter_context(detector_thread(config.camera))
         board = Board.open(config.board.port, baud=config.board.baud)
         stack.callback(board.close)
         config = replace(config, drive=geometry_of(config.drive, board.identity))
@@ -111,7 +118,9 @@ def open_robot(
             mapper.localize_in(known, map_from_base)
         saving = _Saving(path=map_path, annotations=annotations or Annotations(), opened=opened)
         earth = EarthReference(config.gps, datum)
-        robot = _wire(config, board, lidar, tuple(feeds), mapper, saving, earth=earth)
+        robot = _wire(
+            config, board, lidar, tuple(feeds), mapper, saving, earth=earth, find_objects=find_objects
+        )
         if known is not None and map_from_base is None and datum is not None:
             wait_for_fix(robot)
         # A full garbage collection visits all modules and kernels: 0.1 s on a desktop, 0.4 s on a Raspberry
@@ -149,6 +158,7 @@ def _wire(
     saving: _Saving,
     *,
     earth: EarthReference,
+    find_objects: FindObjects | None,
 ) -> RobotLoop:
     """Build the parts of the robot and the loop that runs them."""
     estimator = StateEstimator(
@@ -200,6 +210,18 @@ def _wire(
             survey=map_annotations.survey,
             report=publisher.publish_event,
         )
+    objects = ObjectMap()
+    finder = None
+    if find_objects is not None:
+        finder = ObjectFinder(
+            find_objects,
+            config.camera,
+            estimator=estimator,
+            publisher=publisher,
+            objects=objects,
+            newest_frames=_newest_frames(inputs) or list,
+            is_simulated=board.port.has_simulated_clock,
+        )
     saver = _map_saver(estimator, map_annotations, queue, saving.path) if saving.path else None
     handler = RequestHandler(
         request_queue=queue,
@@ -213,6 +235,7 @@ def _wire(
             annotations=map_annotations,
             saver=saver,
             opened=saving.opened,
+            objects=objects,
         ),
         docking=_docking(config, inputs, map_annotations),
     )
@@ -225,22 +248,28 @@ def _wire(
             request_handler=handler,
             publisher=publisher,
             reconnection=Reconnection(inputs, drive_manager, publisher, lambda: _connect(config)),
+            object_finder=finder,
         )
     )
 
 
 def _docking(config: RobotConfig, inputs: SensorInputs, annotations: MapAnnotations) -> Docking:
     """Return what docks the robot; it needs a camera."""
-    feed = next((feed for feed in inputs.feeds if feed.kind is CAMERA), None)
     return Docking(
         options=config.dock,
         inputs=inputs,
         tracker=TagTracker(config.dock.tag, config.dock.tag_size_m, config.camera),
         limits=config.navigation.limits,
         monitor=collision_monitor(config),
-        newest_frames=None if feed is None else lambda: feed.samples,
+        newest_frames=_newest_frames(inputs),
         annotations=lambda: annotations.value,
     )
+
+
+def _newest_frames(inputs: SensorInputs) -> Callable[[], list[CameraFrame]] | None:
+    """Return what returns the camera's frames of a cycle; None without a camera."""
+    feed = next((feed for feed in inputs.feeds if feed.kind is CAMERA), None)
+    return None if feed is None else lambda: feed.samples
 
 
 def wait_for_fix(robot: RobotLoop) -> None:

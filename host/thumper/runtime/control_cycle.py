@@ -8,6 +8,7 @@ from thumper.board.board import TelemetrySample
 from thumper.common.signals import raise_lost_interrupt
 from thumper.navigation.navigator import NavigationOutput
 from thumper.runtime.drive.drive_manager import DriveManager
+from thumper.runtime.object_finder import ObjectFinder
 from thumper.runtime.publisher import LoopTiming, Publisher
 from thumper.runtime.real_time_rate import RealTimeRate
 from thumper.runtime.safe_stop import StopResult, stop_and_disarm
@@ -32,6 +33,7 @@ class ControlCycle:
     drive_manager: DriveManager
     publisher: Publisher
     rate: RealTimeRate
+    object_finder: ObjectFinder | None = None
     _timing: LoopTiming = field(default_factory=LoopTiming)
 
     @raise_lost_interrupt()
@@ -42,6 +44,8 @@ class ControlCycle:
         self.request_handler.process_pending()
         output = self._decide_and_act() if alive else None
         self.publish(output)
+        if self.object_finder is not None:
+            self.object_finder.update()
         if alive:
             self.request_handler.board_jobs.run_for(self.inputs.now_s)
         self._timing = LoopTiming(late_s=late_s, busy_s=time.perf_counter() - started_s)

@@ -27,6 +27,7 @@ from thumper.runtime.drive.task_driver import TaskDriver
 from thumper.runtime.drive.tasks import Task, wait
 from thumper.runtime.drive_log import DriveLog
 from thumper.runtime.drive_result import DriveResult
+from thumper.runtime.object_finder import ObjectFinder
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.real_time_rate import RealTimeRate
 from thumper.runtime.reconnection import Reconnection
@@ -54,6 +55,7 @@ class RobotParts:
     request_handler: RequestHandler
     publisher: Publisher
     reconnection: Reconnection
+    object_finder: ObjectFinder | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +85,7 @@ class RobotLoop:
             drive_manager=self.drive_manager,
             publisher=self.publisher,
             rate=self._rate,
+            object_finder=parts.object_finder,
         )
         self.after_cycle: list[Callable[[], None]] = []  # must neither block nor take long
         self._silent_cycles = 0

@@ -1,7 +1,7 @@
 """Publishes the state of the robot as ROS 2 messages, once per control cycle, to bus and recorder."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -19,7 +19,7 @@ from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.navigator import NavigationOutput
 from thumper.navigation.state import Transition
 from thumper.ros.codec import Message
-from thumper.ros.markers import markers
+from thumper.ros.markers import markers, object_markers
 from thumper.ros.status import Status
 from thumper.ros.to_ros import ERROR, INFO, WARN, Messages, map_change
 from thumper.ros.topics import TOPICS
@@ -67,6 +67,7 @@ class Publisher:
         self.messages = messages
         self.recording = False
         self.experiment = ""  # what drives the board past the drive manager
+        self.objects = ""  # what a detector has seen, in one line; empty without one
         self._robot = robot
         self._base_from_laser, self._base_from_gps = base_from_laser, base_from_gps
         self._camera = camera
@@ -149,6 +150,11 @@ class Publisher:
         """Publish zones and places for viewers."""
         now_s = self._now_s()
         self._send("markers", now_s, markers(self.messages, now_s, annotations))
+
+    def publish_objects(self, objects: Iterable[tuple[str, float, float]]) -> None:
+        """Publish label, x and y [m] of each object that a detector has seen."""
+        now_s = self._now_s()
+        self._send("objects", now_s, object_markers(self.messages, now_s, objects))
 
     def _publish_in_map(self, fix: Fix, earth: EarthReference | None) -> None:
         at_m = None if earth is None else earth.in_map(fix)
@@ -252,7 +258,7 @@ class Publisher:
             lidar_scans=lidar.samples,
             lidar_errors=lidar.bad_replies + lidar.port_errors,
             lidar_restarts=lidar.restarts,
-            sensors="\n".join(feed.summary for feed in inputs.feeds),
+            sensors="\n".join(filter(None, (*(feed.summary for feed in inputs.feeds), self.objects))),
         )
 
     def _send(self, topic: str, time_s: float, message: Message) -> None:

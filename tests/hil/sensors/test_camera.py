@@ -27,8 +27,11 @@ if importlib.util.find_spec("cv2") is None:
     pytest.skip("the extra `camera` is not installed", allow_module_level=True)
 
 from thumper_hil.sensors.camera import Camera
+from thumper_hil.sensors.camera_view import CameraView
+from thumper_hil.world.paint import Paint
 from thumper_hil.world.tag_shape import TagShape
 from thumper_hil.world.world import World
+from thumper_hil.world.world_file import WorldShapes
 
 CAMERA = CameraOptions()
 TAG = TagShape(number=7, x_m=-1.6, y_m=0.0, z_m=0.2, yaw_deg=0.0, size_m=0.1)
@@ -78,6 +81,32 @@ def test_a_tag_is_found_where_it_is(
         best = min(poses, key=lambda pose: abs(wrap_angle(pose.theta_rad - true.theta_rad)))
         assert best.distance_m(true) < error_m
         assert abs(wrap_angle(best.theta_rad - true.theta_rad)) < math.radians(error_deg)
+
+
+def test_a_coloured_box_is_seen_where_it_is_and_hides_what_is_behind() -> None:
+    near, far = ((0.8, 0.0, 0.2, 0.2, 0.0), (1.6, 0.1, 0.2, 0.9, 0.0))  # x, y, length, width, yaw
+    shapes = WorldShapes(
+        segments=np.array([[3.0, -3.0, 3.0, 3.0]]),
+        circles=np.zeros((0, 3)),
+        boxes=(near, far),
+        box_paints=(
+            Paint(colour=(200, 0, 0), height_m=0.3),
+            Paint(colour=(0, 0, 200), height_m=0.4),
+        ),
+    )
+    view = CameraView((640, 480), CAMERA.matrix(), CAMERA.base_from_optical())
+    image = view.render(World.from_shapes(shapes), Pose2())
+    for (x_m, y_m, length_m, width_m, _), height_m, channel in ((near, 0.3, 2), (far, 0.4, 0)):
+        face_m = x_m - 0.5 * length_m - CAMERA.x_m  # from the lens
+        rows, columns = np.nonzero(image[..., channel] == 200.0)
+        left_px, right_px = (
+            CAMERA.cx_px - CAMERA.fx_px * (y_m + s * 0.5 * width_m) / face_m for s in (1, -1)
+        )
+        assert (columns.min(), columns.max()) == pytest.approx((left_px, right_px), abs=2.0)
+        top_px = CAMERA.cy_px - CAMERA.fy_px * (height_m - CAMERA.z_m) / face_m
+        assert rows.min() == pytest.approx(top_px, abs=2.0)
+    assert image[240, 320].tolist() == [0.0, 0.0, 200.0]  # the near one
+    assert len(set(image[240, 20].tolist())) == 1  # a grey wall
 
 
 def test_damaged_bytes_cost_one_frame() -> None:

@@ -181,6 +181,11 @@ def _inside(box_m: FloatArray, x_m: float, y_m: float) -> bool:
     ("text", "message"),
     [
         ("[[box]]\nx_m=0\ny_m=0\nlength_m=1\nwidth_m=1\nheight_m=2\n", "box[0].height_m"),
+        ("[[box]]\nx_m=0\ny_m=0\nlength_m=1\nwidth_m=1\ncolour=[1, 2]\n", "box[0].colour = [1, 2]: give"),
+        (
+            "[[box]]\nx_m=0\ny_m=0\nlength_m=1\nwidth_m=1\ncolour=[1, 2, 3]\nfrom_s=1\n",
+            "box[0].colour: a box that comes or goes has none",
+        ),
         ("[[wal]]\npoints_m=[[0,0],[1,1]]\n", "wal"),
         ("[[circle]]\nx_m=0\ny_m=0\n", "circle[0].radius_m: missing"),
         ("[[circle]]\nx_m=0\ny_m=0\nradius_m=-1\n", "circle[0].radius_m = -1.0: must be above 0"),

@@ -13,6 +13,7 @@ from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.odometry.wheel_odometry import OdometrySample
 from thumper.ros.codec import message
+from thumper.ros.markers import object_markers
 from thumper.ros.status import Status
 from thumper.ros.to_json import from_json, to_json
 from thumper.ros.to_ros import INFO, Messages, flag, text
@@ -78,6 +79,11 @@ SAMPLES: list[tuple[Any, str]] = [
         "4.00 s: driving (on its way), 1.25 m to go; board closed_loop; loop 0.0 ms late, busy for 0.0 ms",
     ),
     (SIMULATED.event(3.0, INFO, "a wheel slips", "robot"), "3.00 s: robot: a wheel slips"),
+    (
+        object_markers(SIMULATED, 2.0, [("chair", 1.0, -0.5), ("potted plant", 2.0, 0.0)]),
+        "chair (1.00, -0.50), potted plant (2.00, 0.00)",
+    ),
+    (object_markers(SIMULATED, 2.0, []), "none"),
     (text("cancel"), "cancel"),
     (flag(True), "true"),
 ]

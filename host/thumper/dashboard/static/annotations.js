@@ -1,4 +1,4 @@
-// Zones and places of the map: the tools that draw them, and how they look.
+// Zones, places and objects of the map: the tools that draw them, and how they look.
 
 import { colour } from "./colours.js";
 import { drawArrow } from "./map_layers.js";
@@ -143,5 +143,12 @@ export function drawAnnotations(context, camera) {
     } else {
       drawZone(context, camera, geometry.coordinates[0], kind, speed_percent ? `${name} ${speed_percent} %` : name);
     }
+  }
+  for (const [label, x, y] of state.shown.objects ?? []) { // seen by a detector
+    drawArrow(context, camera, x, y, null, "slow");
+    const [px, py] = camera.toScreen(x, y);
+    context.save();
+    writeLabel(context, label, px, py + 22);
+    context.restore();
   }
 }

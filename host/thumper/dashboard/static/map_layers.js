@@ -10,7 +10,7 @@ export const LAYERS = [
   ["plan", "Plan", "plan"],
   ["local_plan", "Local plan", "local-plan"],
   ["trail", "Trail", "trail"],
-  ["annotations", "Zones and places", "keepout"],
+  ["annotations", "Zones, places, objects", "keepout"],
   ["gps", "GPS", "gps"],
   ["scan", "Scan", "scan"],
   ["footprint", "Robot", "robot-edge"],

@@ -39,6 +39,7 @@ class MapView {
       this.scanCount = lidar_scans;
     }));
     on("annotations", () => this.update(() => {}));
+    on("objects", () => this.update(() => {}));
     on("gps_odom", (at) => this.update(() => this.addGps(at)));
     on("trail", (points) => this.update(() => { this.data.trail = [...points]; }));
     on("playback", (name) => this.update(() => this.clear(name)));

@@ -9,8 +9,8 @@ const MAX_PENDING_HEARTBEATS = 50;
 const MAX_EVENTS = 100; // kept for the log, which exists only after its tab was opened
 
 // What a playback shows of the recording instead of the robot. All else stays live.
-const DRAWN = new Set(["annotations", "camera", "gps", "gps_odom", "imu", "local_costmap", "local_plan", "map", "particles",
-  "plan", "pose", "scan", "sensor_age_s", "status", "trail", "wheels"]);
+const DRAWN = new Set(["annotations", "camera", "gps", "gps_odom", "imu", "local_costmap", "local_plan", "map",
+  "objects", "particles", "plan", "pose", "scan", "sensor_age_s", "status", "trail", "wheels"]);
 const MAX_ROWS = 1200;
 const GRIDS = ["map", "local_costmap"];
 

@@ -32,7 +32,7 @@ def footprint_fits(costmap: Costmap, footprint: Footprint, goal: Goal) -> bool:
     Checks the cells nearest to the goal and, if the tolerance is large, an even choice of the others.
     """
     grid = CollisionGrid.from_costmap(costmap, footprint)
-    grid = grid._replace(outline=_filled(footprint, 0.5 * costmap.resolution_m))
+    grid = grid._replace(outline=filled(footprint, 0.5 * costmap.resolution_m))
     return any_pose_is_free(grid, _places_m(costmap.resolution_m, goal))
 
 
@@ -47,7 +47,7 @@ def any_pose_is_free(grid: CollisionGrid, places_m: FloatArray) -> bool:
     return False
 
 
-def _filled(footprint: Footprint, spacing_m: float) -> FloatArray:
+def filled(footprint: Footprint, spacing_m: float) -> FloatArray:
     """Return points all over the footprint, at most `spacing_m` apart, shape (n, 2) [m]."""
     outline_m = footprint.outline_m(spacing_m)
     x_m, y_m = (

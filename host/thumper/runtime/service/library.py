@@ -1,6 +1,6 @@
 """The maps that clients save under a name, and load into the running robot."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from thumper.common.errors import ThumperError
@@ -8,6 +8,7 @@ from thumper.maps.annotations import annotations_path, load_annotations
 from thumper.maps.library import delete_item, list_maps, list_recordings, map_files, map_path, rename_item
 from thumper.maps.map_server_io import load_datum, load_map
 from thumper.ros.services import Empty, LibraryContent, LibraryItem, NamedMap, RenameItem, Text
+from thumper.runtime.object_map import ObjectMap
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.service.map_annotations import MapAnnotations
 from thumper.runtime.service.map_saver import MapSaver
@@ -24,6 +25,7 @@ class MapStorage:
     annotations: MapAnnotations
     saver: MapSaver | None  # None: this run saves its map at its end
     opened: Path | None = None  # the map or session that the run started with
+    objects: ObjectMap = field(default_factory=ObjectMap)  # that a detector has seen
 
 
 class MapLibrary:
@@ -41,6 +43,7 @@ class MapLibrary:
         self._estimator = estimator
         self._publisher = publisher
         self._preconditions = preconditions
+        self._objects = storage.objects
         self._loaded = storage.opened and storage.opened.with_suffix(".yaml")  # also of a session
 
     def content(self, _request: Empty, _source: str = "") -> LibraryContent:
@@ -74,6 +77,7 @@ class MapLibrary:
         mapper.localize_in(grid, None)
         self._estimator.change_datum(datum)
         self._annotations.replace(annotations)
+        self._objects.clear()
         self._loaded = path
         return self._say(f"loaded map {request.name!r}; the robot searches it for its pose")
 

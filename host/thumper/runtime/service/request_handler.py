@@ -50,6 +50,7 @@ from thumper.runtime.service.exploration_starter import ExplorationStarter
 from thumper.runtime.service.library import MapLibrary, MapStorage
 from thumper.runtime.service.low_battery import LowBattery
 from thumper.runtime.service.mission_starter import MissionStarter
+from thumper.runtime.service.object_goals import ObjectGoals
 from thumper.runtime.service.preconditions import Preconditions
 from thumper.runtime.service.request_queue import RequestQueue
 from thumper.runtime.service.simulator_control import Simulator, SimulatorControl
@@ -129,6 +130,12 @@ class RequestHandler:
             preconditions=self._preconditions,
             starters={"explore": exploration.start, "dock": dock.dock, "undock": dock.undock},
             handlers={"save_map": storage.saver} if storage.saver else {},
+        )
+        self._object_goals = ObjectGoals(
+            objects=storage.objects,
+            estimator=inputs.estimator,
+            navigator=drive_manager.navigator,
+            footprint=storage.annotations.footprint,
         )
         self._library = MapLibrary(
             storage, estimator=inputs.estimator, publisher=publisher, preconditions=self._preconditions
@@ -282,9 +289,10 @@ class RequestHandler:
         return reply
 
     def _send_mission(self, request: SendMission, source: str) -> MissionStarted:
-        goal = parse_goal(
-            request_content(request), self.annotations.value, self._inputs.estimator.map_datum()
-        )
+        content = dict(request_content(request))
+        if (label := content.pop("object", None)) is not None:
+            content = self._object_goals.content(str(label), content)
+        goal = parse_goal(content, self.annotations.value, self._inputs.estimator.map_datum())
         return MissionStarted(mission=self._missions.start((goal,), source))
 
     def _follow_mission(self, content: Mapping[str, Any], source: str) -> MissionStarted:
