@@ -110,7 +110,7 @@ class FakeRobot:
         self.received.clear()
         self.fault, self.fault_words, self.fault_cure = Fault.NONE, "", ""
         if self.annotations:
-            self._annotate(Annotations())
+            self.annotate(Annotations())
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
         self.simulated_faults, self.experiment, self.has_sensors = {}, "", False
         self.grid = room()
@@ -175,10 +175,10 @@ class FakeRobot:
 
     def _answer_about_map(self, name: str, content: Mapping[str, Any]) -> dict[str, Any]:
         if name == "annotation/add":
-            self._annotate(self.annotations.with_item(parse_feature(content)))
+            self.annotate(self.annotations.with_item(parse_feature(content)))
             return {"text": "added"}
         if name == "annotation/remove":
-            self._annotate(self.annotations.without(content["name"]))
+            self.annotate(self.annotations.without(content["name"]))
             return {"text": "removed"}
         if name.startswith("library/"):
             return {"text": f"done: {name}", "maps": [], "recordings": []}
@@ -227,7 +227,8 @@ class FakeRobot:
                 raise ValueError(f"no such service: {name}")
         return answer
 
-    def _annotate(self, annotations: Annotations) -> None:
+    def annotate(self, annotations: Annotations) -> None:
+        """Replace zones, places and tags, and publish them."""
         self.annotations = annotations
         self._send("annotations", text(json.dumps(annotations.to_geojson())))
 

@@ -9,7 +9,7 @@ from benchmarks.shared.live import until
 from playwright.sync_api import Browser, Page, expect
 
 from tests.dashboard.test_page_driving import TO_SCREEN, drag, queries_of
-from thumper.maps.annotations import ZoneKind
+from thumper.maps.annotations import Annotations, SavedTag, ZoneKind
 
 CORNERS = ((0.5, 0.5), (1.5, 0.5), (1.5, 1.2))
 BAR = ".tp-annotationbar"
@@ -120,3 +120,15 @@ def test_touches_draw_a_zone_on_a_phone(browser: Browser, server: Server, robot:
     bar = page.evaluate("document.documentElement.scrollWidth")
     assert bar == 390
     context.close()
+
+
+def test_a_surveyed_tag_is_listed_and_removed(page: Page, robot: FakeRobot) -> None:
+    page.click(".tp-tab-map")
+    expect(rows(page, "places")).to_contain_text("None yet")
+    expect(page.locator("[data-tags]")).to_be_hidden()
+    robot.annotate(Annotations(tags=tuple(SavedTag(number=n, x_m=1.0, y_m=n, yaw_rad=0.0) for n in (3, 14))))
+    expect(rows(page, "tags")).to_have_count(2)
+    expect(rows(page, "tags").first).to_contain_text("tag 3")
+    rows(page, "tags").first.locator("text=Remove").click()
+    until(lambda: [tag.number for tag in robot.annotations.tags] == [14])
+    expect(rows(page, "tags")).to_contain_text(["tag 14"])

@@ -1,4 +1,4 @@
-// Lists of the map's places and zones: drive to a place, patrol, remove.
+// Lists of the map's places, zones and AprilTags: drive to a place, patrol, remove.
 
 import { features } from "./annotations.js";
 import { on, send } from "./stream.js";
@@ -16,6 +16,10 @@ export function places(root) {
     </div>
     <h2>Zones</h2>
     <ul class="tp-list" data-list="zones"></ul>
+    <div data-tags hidden>
+      <h2>AprilTags</h2>
+      <ul class="tp-list" data-list="tags"></ul>
+    </div>
     <p class="tp-hint">Zones and places belong to the map: Save map keeps them. Zones do not bind manual driving.</p>`;
   const patrolBar = root.querySelector("[data-patrol]");
   const skipped = new Set(); // places without a tick: a patrol leaves them out
@@ -49,6 +53,8 @@ export function places(root) {
       });
       title.append(name);
       addButton(row, "Go", `Drive to ${name}`, { kind: "place_goal", name });
+    } else if (kind === "tag") {
+      title.append(name);
     } else {
       title.append(name);
       const note = title.appendChild(document.createElement("small"));
@@ -67,12 +73,14 @@ export function places(root) {
     for (const [which, isShown, hint] of [
       ["places", ({ kind }) => kind === "place", "None yet: choose the place tool (L), click the map, type a name."],
       ["zones", ({ kind }) => kind in KINDS, "None yet: choose the zone tool (Z) and click the corners."],
+      ["tags", ({ kind }) => kind === "tag", "None."],
     ]) {
       const list = root.querySelector(`[data-list=${which}]`);
       list.replaceChildren();
       all.filter(isShown).forEach((item) => addRow(list, item));
       if (!list.children.length) list.appendChild(document.createElement("li")).textContent = hint;
     }
+    root.querySelector("[data-tags]").hidden = !all.some(({ kind }) => kind === "tag");
     updatePatrol();
   }
   on("annotations", show);
