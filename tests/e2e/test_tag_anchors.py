@@ -31,12 +31,18 @@ TAG = SavedTag(number=0, x_m=-1.595, y_m=0.0, yaw_rad=0.0)
 
 @contextmanager
 def robot(
-    name: str, folder: Path, start: Pose2 | None, known: OccupancyGrid | None, *tags: SavedTag
+    name: str,
+    folder: Path,
+    start: Pose2 | None,
+    known: OccupancyGrid | None,
+    *tags: SavedTag,
+    world: Path | str = "charging",
+    true: Pose2 = START,
 ) -> Iterator[Service]:
     config = RobotConfig(
         camera=CameraOptions(enabled=True), recording=RecordingOptions(folder=str(folder / "library"))
     )
-    mission = f"world=charging&x_m={START.x_m}&y_m={START.y_m}&yaw_deg={math.degrees(START.theta_rad)}"
+    mission = f"world={world}&x_m={true.x_m}&y_m={true.y_m}&yaw_deg={math.degrees(true.theta_rad)}"
     config = with_ports(config, board=f"sim://{name}/board?{mission}", lidar=f"sim://{name}/lidar")
     annotations = Annotations(tags=tags)
     with open_robot(config, start, known, map_path=folder / "map.yaml", annotations=annotations) as loop:
@@ -76,3 +82,40 @@ def test_a_known_tag_tells_in_which_of_two_equal_rooms_the_robot_is(room: int, t
         < 0.1
     )
     assert abs(wrap_angle(state.map_from_base.theta_rad - START.theta_rad)) < 0.1
+
+
+# Turned by 180 degrees it is the same room to the lidar.
+SYMMETRIC = """
+[[wall]]
+points_m = [[-2.0, -1.5], [2.0, -1.5], [2.0, 1.5], [-2.0, 1.5]]
+closed = true
+[[tag]]
+id = 5
+x_m = 1.995
+y_m = 0.0
+yaw_deg = 180.0
+"""
+
+
+def test_a_tag_that_was_surveyed_corrects_the_pose_in_a_drive(tmp_path: Path) -> None:
+    """The robot estimates the opposite heading. It drives away from its goal until it sees the tag."""
+    world = tmp_path / "symmetric.toml"
+    world.write_text(SYMMETRIC)
+    near = Pose2(x_m=0.9, y_m=0.1)
+    with robot("surveys-5", tmp_path, near, None, world=world, true=near) as service:
+        service.until(lambda: any(event.startswith("tag 5 is at") for event in service.events), max_cycles=50)
+        tags = service.robot.annotations.tags
+    goal, true = (-1.2, 0.0), Pose2(x_m=-0.6, theta_rad=math.pi / 2.0)
+    wrong = Pose2(theta_rad=math.pi) @ true
+    grid = World.load(world).to_grid()
+    with robot("drives-wrong", tmp_path, wrong, grid, *tags, world=world, true=true) as service:
+        service.run_cycles(20)
+        assert service.ask("mission/send", {"x_m": goal[0], "y_m": goal[1]})["ok"]
+        farthest_m = 0.0
+        while service.ask("mission/state")["state"] == "driving":
+            farthest_m = max(farthest_m, math.dist(service.bench.truth()[-1, 1:3], goal))
+        assert service.ask("mission/state")["state"] == "reached"
+        at_m = service.bench.truth()[-1, 1:3]
+    assert sum(event.startswith("pose by tag 5") for event in service.events) == 1
+    assert farthest_m > 0.9  # it began in the wrong direction
+    assert math.dist(at_m, goal) < 0.15
