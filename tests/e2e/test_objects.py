@@ -136,6 +136,17 @@ def test_objects_are_in_the_status_and_in_the_recording(tmp_path: Path) -> None:
     assert re.fullmatch(r"objects: chair \(1\.4., 0\.4.\), plant \(1\.9., -0\.[45].\)", status[-1][-1])
 
 
+def test_another_map_has_none_of_the_objects(tmp_path: Path) -> None:
+    with robot(config("loads-another", tmp_path), tmp_path) as service:
+        published = objects_published(service)
+        service.until(lambda: bool(published) and len(published[-1]) == 2, max_cycles=60)
+        service.ask("library/save", {"name": "room"})
+        service.until((tmp_path / "library" / "room.yaml").exists, max_cycles=100)
+        assert service.ask("library/load", {"name": "room"})["ok"]
+        service.run_cycles(1)
+        assert published[-1] == []
+
+
 def test_a_run_with_a_detector_repeats(tmp_path: Path) -> None:
     runs = []
     for run in range(2):
