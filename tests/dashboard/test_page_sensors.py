@@ -47,6 +47,7 @@ def test_sensors_are_shown_until_the_robot_restarts_without_them(page: Page, rob
     robot.lidar_scans = 3
     expect(page.locator(".tp-header .tp-of-gps")).to_be_hidden()
     expect(page.locator(".tp-camera")).to_be_hidden()
+    page.wait_for_function("thumper.state.values.objects.length === 0")
 
 
 def test_a_detected_object_is_drawn_with_its_label(page: Page, robot: FakeRobot) -> None:

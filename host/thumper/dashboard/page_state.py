@@ -164,6 +164,7 @@ class PageState:
             values[name] = display_data.status(message)
             if values[name]["lidar_scans"] < self._values.get("status", values[name])["lidar_scans"]:
                 self._sensor_s.clear()  # the robot restarted, perhaps without them
+                values.setdefault("objects", [])
 
     def _convert_sensor(
         self, name: str, message: Message, values: dict[str, Any], arrays: dict[str, PacketArray]
