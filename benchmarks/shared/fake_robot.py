@@ -71,6 +71,7 @@ class FakeRobot:
     address: str
     simulated: bool = True
     token: str = ""
+    state: State = State.CLOSED_LOOP  # of a board without a fault
     fault: Fault = Fault.NONE
     fault_words: str = ""
     fault_cure: str = ""
@@ -112,6 +113,7 @@ class FakeRobot:
         if self.annotations:
             self.annotate(Annotations())
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
+        self.state = State.CLOSED_LOOP
         self.simulated_faults, self.experiment, self.has_sensors = {}, "", False
         self.grid = room()
         self.parameters = {spec.name: spec.default for spec in PARAMETERS}
@@ -149,8 +151,8 @@ class FakeRobot:
     def _handle(self, request: Request) -> None:
         match request:
             case EmergencyStop():
-                self.fault, self.goal = Fault.E_STOP, None
-                self.fault_words, self.fault_cure = "e stop", "the emergency stop was pressed"
+                self.fault, self.goal, self.state = Fault.E_STOP, None, State.DISARMED
+                self.fault_words, self.fault_cure = "emergency stop", "the emergency stop was pressed"
                 self.event("emergency stop", WARN)
             case RobotCommand(name=name):
                 self._run_command(name)
@@ -172,6 +174,8 @@ class FakeRobot:
             self.recording = name == "record_start"
         elif name == "cancel":
             self.goal = None
+        elif name in ("arm", "disarm"):
+            self.state = State.CLOSED_LOOP if name == "arm" else State.DISARMED
 
     def _answer_about_map(self, name: str, content: Mapping[str, Any]) -> dict[str, Any]:
         if name == "annotation/add":
@@ -291,7 +295,6 @@ class FakeRobot:
     def _telemetry(self, now_s: float, cycle: int) -> TelemetrySample:
         goal_mrad_s = 3000 if cycle % 80 < 50 else 0
         left = round(goal_mrad_s * (1 - math.exp(-(cycle % 80) / 4))) if goal_mrad_s else 0
-        state = State.FAULT if self.fault else State.CLOSED_LOOP
         return telemetry_sample(
             now_s,
             time_us=cycle * 100_000,
@@ -308,7 +311,7 @@ class FakeRobot:
             battery_mV=round(1000 * self.battery_V),
             left_current_mA=900,
             right_current_mA=950,
-            state=state,
+            state=State.FAULT if self.fault else self.state,
             fault=self.fault,
             warnings=int(self.battery_V < 7.0),
             rx_frames=cycle % 65536,
@@ -330,7 +333,7 @@ class FakeRobot:
             goal_y_m=goal.y_m if goal else 0.0,
             goal_yaw_rad=goal.theta_rad if goal else 0.0,
             distance_to_goal_m=pose.distance_m(goal) if goal else 0.0,
-            board_state="FAULT" if self.fault else "CLOSED_LOOP",
+            board_state=State.FAULT.name if self.fault else self.state.name,
             fault=int(self.fault),
             fault_words=self.fault_words,
             fault_cure=self.fault_cure,

@@ -3,7 +3,7 @@
 from benchmarks.shared.fake_robot import FakeRobot
 from playwright.sync_api import Page, expect
 
-from thumper.board.messages import Fault
+from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
 
 
@@ -121,7 +121,7 @@ def test_real_robot_has_its_banner(page: Page, robot: FakeRobot) -> None:
         robot.simulated = True
 
 
-def test_stop_removes_plan_and_arm_highlight(page: Page, robot: FakeRobot) -> None:
+def test_stop_removes_the_plan(page: Page, robot: FakeRobot) -> None:
     planned = """() => {
       const { canvas, context } = document.querySelector('.tp-map').mapView;
       const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
@@ -131,13 +131,34 @@ def test_stop_removes_plan_and_arm_highlight(page: Page, robot: FakeRobot) -> No
       }
       return count;
     }"""
-    arm = page.locator(".tp-arm")
     robot.goal = Pose2(x_m=1.0, y_m=1.0)
     page.wait_for_function(f"({planned})() > 50")
-    expect(arm).to_have_css("background-color", "rgb(26, 127, 55)")
     page.click(".tp-estop")
     page.wait_for_function(f"({planned})() === 0")
-    expect(arm).to_have_css("background-color", "rgba(0, 0, 0, 0)")
     page.click("text=Clear fault")
-    expect(arm).to_have_css("background-color", "rgb(26, 127, 55)")
     assert page.evaluate(f"({planned})()") == 0
+
+
+def test_colours_show_whether_the_motors_are_on(page: Page, robot: FakeRobot) -> None:
+    arm, disarm, chip = page.locator(".tp-arm"), page.locator(".tp-disarm"), page.locator(".tp-board")
+    plain, green, grey = "rgba(0, 0, 0, 0)", "rgb(26, 127, 55)", "rgb(243, 245, 248)"
+    amber, yellow, red = "rgb(154, 103, 0)", "rgb(242, 182, 0)", "rgb(207, 34, 46)"
+
+    def expect_colours(text: str, colours: tuple[str, str, str], *, armed: bool) -> None:
+        expect(chip).to_contain_text(text)
+        for element, colour in zip((chip, arm, disarm), colours, strict=True):
+            expect(element).to_have_css("background-color", colour)
+        expect(arm).to_have_attribute("aria-pressed", str(armed).lower())
+
+    expect_colours("closed loop", (green, plain, amber), armed=True)
+    robot.state = State.MANUAL
+    expect_colours("manual (open loop)", (yellow, plain, amber), armed=True)
+    disarm.click()
+    page.mouse.move(5, 5)  # a button below the mouse has another colour
+    expect_colours("disarmed", (grey, green, plain), armed=False)
+    page.click(".tp-estop")
+    expect_colours("fault", (red, plain, plain), armed=False)
+    page.click("text=Clear fault")
+    expect_colours("disarmed", (grey, green, plain), armed=False)
+    arm.click()
+    expect_colours("closed loop", (green, plain, amber), armed=True)

@@ -10,7 +10,7 @@ from benchmarks.shared.live import until
 from playwright.sync_api import Browser, Page, expect
 
 from tests.dashboard.test_map_edits import save_room
-from thumper.board.messages import Fault
+from thumper.board.messages import Fault, State
 from thumper.runtime.requests import Velocity
 
 TABS = ("drive", "map", "gains", "tune", "sim", "log", "system")
@@ -31,6 +31,10 @@ def test_all_text_can_be_read(
     open_page(page, server)
     assert page.evaluate("document.body.classList.contains('body--dark')") == (theme == "dark")
     problems = {}
+    for state in (State.DISARMED, State.MANUAL, State.CLOSED_LOOP):
+        robot.state = state
+        page.wait_for_function(f"document.body.dataset.board === '{state.name.lower()}'")
+        problems[state.name] = page.evaluate(POOR)
     for tab in TABS:
         page.click(f".tp-tab-{tab}")
         page.wait_for_timeout(300)  # Quasar fades the tab
@@ -47,7 +51,7 @@ def test_all_text_can_be_read(
     robot.battery_V, robot.fault, robot.fault_words, robot.fault_cure = (
         6.4,
         Fault.E_STOP,
-        "e stop",
+        "emergency stop",
         "press Arm",
     )
     robot.simulated = False

@@ -5,7 +5,7 @@ import re
 from benchmarks.shared.fake_robot import FakeRobot
 from playwright.sync_api import Page, expect
 
-from thumper.board.messages import Fault
+from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
 
 
@@ -21,6 +21,13 @@ def test_fault_moves_no_control_and_colours_the_state(page: Page, robot: FakeRob
         page.click("text=Clear fault", trial=True)  # nothing covers it
         robot.reset()
         expect(page.locator(".tp-fault")).to_be_hidden()
+
+
+def test_header_fits_on_a_phone_with_its_longest_state(page: Page, robot: FakeRobot) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    robot.state = State.MANUAL
+    expect(page.locator(".tp-board")).to_contain_text("manual (open loop)")
+    assert page.locator(".tp-header").evaluate("head => head.scrollWidth <= head.clientWidth")
 
 
 def test_low_screen_shows_everything(page: Page) -> None:

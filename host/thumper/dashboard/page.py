@@ -166,7 +166,7 @@ def _tabs(robot: QueryClient) -> None:
 def _drive_panel() -> None:
     with box("tp-buttons"):
         _command_button("Arm", {"kind": "command", "name": "arm"}, "tp-go tp-arm")
-        _command_button("Disarm", {"kind": "command", "name": "disarm"}, "tp-plain")
+        _command_button("Disarm", {"kind": "command", "name": "disarm"}, "tp-plain tp-disarm")
         _command_button("Explore", {"kind": "command", "name": "explore"}, "tp-plain")
         _command_button("Cancel goal", {"kind": "command", "name": "cancel"}, "tp-plain")
         _command_button("Save map", {"kind": "command", "name": "save_map"}, "tp-plain")

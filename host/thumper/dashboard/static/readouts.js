@@ -51,7 +51,10 @@ const FIELDS = {
   mode: ({ status, experiment }) => (experiment?.running
     ? EXPERIMENTS[experiment.running] ?? formatName(experiment.running) : formatName(status?.mode)),
   reason: ({ status, experiment }) => (experiment?.running ? experiment.what : status?.reason ?? ""),
-  board_state: ({ board, status }) => formatName(board?.state ?? status?.board_state),
+  board_state: (values) => {
+    const name = boardState(values);
+    return name === "MANUAL" ? "manual (open loop)" : formatName(name);
+  },
   battery: ({ board }) => formatVolts(board?.battery_V),
   distance: ({ status }) => (status?.has_goal ? formatMetres(status.distance_to_goal_m) : NO_VALUE),
   pose: ({ pose }) => (pose ? `${fixed(pose[0], 2)}, ${fixed(pose[1], 2)} m` : NO_VALUE),
@@ -76,6 +79,8 @@ const FIELDS = {
   fault_cure: ({ status }) => status?.fault_cure ?? "",
   operator: ({ operator }) => (!operator ? "nobody" : operator === state.pageId ? "this page" : "another page"),
 };
+
+const boardState = ({ board, status }) => board?.state ?? status?.board_state;
 
 // CLOSED_LOOP -> closed loop
 function formatName(name) {
@@ -124,6 +129,9 @@ function refresh() {
   flags.recording = Boolean(status.recording);
   flags.playback = Boolean(state.playback);
   flags.fault = Boolean(status.fault);
+  flags.board = (kind === "lost" ? "" : boardState(values) ?? "").toLowerCase();
+  const isArmed = ["closed_loop", "manual"].includes(flags.board);
+  document.querySelector(".tp-arm")?.setAttribute("aria-pressed", isArmed);
   flags.batteryLow = Boolean(values.board?.battery_low);
 }
 
