@@ -169,6 +169,23 @@ def test_a_run_that_ends_while_it_tunes_frees_the_guide() -> None:
     assert guide.outcomes[Step.START].text == "the robot has stopped: the board is gone"
 
 
+@pytest.mark.parametrize(
+    ("event", "verdict"),
+    [
+        ("mission 3 reached: at the goal", "pass"),
+        ("mission 3 failed: no path", "fail"),
+        ("mission 3 ended: cancelled", "fail"),
+    ],
+)
+def test_each_end_of_a_mission_is_the_outcome_of_the_goal_step(event: str, verdict: str) -> None:
+    guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
+    guide.begin(Step.GOAL)
+    guide._follow_event("navigating")
+    assert not guide.outcomes
+    guide._follow_event(event)
+    assert (guide.outcomes[Step.GOAL].verdict, guide.outcomes[Step.GOAL].text) == (verdict, event)
+
+
 class Simulator(StepCommand):
     """A simulator that hangs before its ports are there."""
 

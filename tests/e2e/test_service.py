@@ -45,6 +45,19 @@ def test_cancel_stops_the_robot(service: Service) -> None:
     service.until(lambda: service.mode == "idle")
     assert abs(service.bench.truth()[-1, 4]) < 0.05
     assert service.ask("mission/state")["reason"] == "cancelled"
+    assert "mission 1 ended: cancelled" in service.events
+
+
+def test_an_emergency_stop_is_reported_by_name_and_is_no_failure(service: Service) -> None:
+    service.put(GoTo(goals=(FAR,)))
+    service.run_cycles(15)
+    service.put(EmergencyStop())
+    service.run_cycles(5)
+    assert service.events[-3:] == [
+        "navigating",
+        "mission 1 ended: emergency stop",
+        "the emergency stop was pressed",
+    ]
 
 
 def test_a_goal_in_a_wall_is_refused(service: Service) -> None:

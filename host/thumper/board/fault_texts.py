@@ -25,6 +25,25 @@ REFUSAL_REASONS = {
 }
 
 
+FAULT_NAMES = {
+    Fault.LINK_LOST: "connection lost",
+    Fault.LOW_BATTERY: "battery empty",
+    Fault.E_STOP: "emergency stop",
+    Fault.STALL_LEFT: "left wheels stalled",
+    Fault.STALL_RIGHT: "right wheels stalled",
+    Fault.REVERSED_LEFT: "left encoder reversed",
+    Fault.REVERSED_RIGHT: "right encoder reversed",
+    Fault.LOST_EDGES: "encoder signal disturbed",
+    Fault.OVER_CURRENT: "too much motor current",
+    Fault.WATCHDOG: "firmware hung",
+    Fault.BAD_PARAMETERS: "saved parameters unreadable",
+    Fault.ADC_STOPPED: "battery not measured",
+    Fault.HIGH_BATTERY: "battery voltage too high",
+    Fault.INPUT_1: "input 1",
+    Fault.INPUT_2: "input 2",
+    Fault.TILTED: "robot tilted",
+    Fault.IMPACT: "impact",
+}
 FAULT_HINTS = {
     Fault.LINK_LOST: "it received no command for 300 ms; is the computer overloaded or the cable loose?",
     Fault.LOW_BATTERY: "the battery is empty; charge it",
@@ -46,3 +65,9 @@ FAULT_HINTS = {
     Fault.TILTED: "the robot is tilted; put it on its wheels, or check the sign of tilt_limit",
     Fault.IMPACT: "the accelerometer felt an impact; check what the robot hit, or raise impact_limit",
 }
+
+
+def fault_line(fault: Fault) -> str:
+    """Return name and hint of a fault in one line; only the hint if it has the name in it."""
+    name, hint = FAULT_NAMES[fault], FAULT_HINTS[fault]
+    return hint if name in hint else f"{name}: {hint}"

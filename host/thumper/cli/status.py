@@ -67,7 +67,7 @@ def _status_text(message: Any, mapping: Mapping[str, str], wheels: Mapping[str, 
         lines.append("mode     " + "; ".join(filter(None, map(mapping.get, ("mode", "lost", "map_doubt")))))
     lines.append(f"board    {m.board_state.lower().replace('_', ' ')}")
     if m.fault:
-        lines.append(f"fault    {m.fault}, {m.fault_words}: {m.fault_cure}")
+        lines.append(f"fault    {m.fault_words}: {m.fault_cure}")
     if wheels:
         lines.append("wheels   " + "; ".join(filter(None, (wheels["text"], wheels["drift"]))))
     lines += [

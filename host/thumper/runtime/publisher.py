@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thumper.board.fault_texts import FAULT_HINTS
+from thumper.board.fault_texts import FAULT_HINTS, FAULT_NAMES, fault_line
 from thumper.board.messages import Fault
 from thumper.camera.options import CameraOptions
 from thumper.common.geometry import FloatArray, Pose2
@@ -204,7 +204,7 @@ class Publisher:
         if transitions and transitions[-1] is not self._transition:
             self._transition = newest = transitions[-1]
             reason = f": {newest.reason}" if newest.reason else ""
-            self.publish_event(f"{newest.before or 'start'} -> {newest.after}{reason}", name="navigation")
+            self.publish_event(f"{newest.after}{reason}", name="navigation")
         for kind, line in inputs.estimator.warnings().items():
             if kind not in self._warned:  # the first of its kind; the command prints the counts at the end
                 self._warned.add(kind)
@@ -212,7 +212,7 @@ class Publisher:
         fault = Fault.NONE if inputs.telemetry is None else inputs.telemetry.fault
         if fault is not self._fault:
             self._fault = fault
-            text = f"fault {int(fault)}, {_words(fault)}: {FAULT_HINTS[fault]}" if fault else "fault cleared"
+            text = fault_line(fault) if fault else "fault cleared"
             self.publish_event(text, ERROR if fault else INFO, name="board")
 
     def _publish_losses(self, state: RobotState, drive_manager: DriveManager) -> None:
@@ -246,7 +246,7 @@ class Publisher:
             distance_to_goal_m=goal.distance_m(state.map_from_base) if goal else 0.0,
             board_state=telemetry.state.name,
             fault=int(telemetry.fault),
-            fault_words=_words(telemetry.fault),
+            fault_words=FAULT_NAMES.get(telemetry.fault, ""),
             fault_cure=FAULT_HINTS.get(telemetry.fault, ""),
             loop_late_s=timing.late_s,
             loop_busy_s=timing.busy_s,
@@ -270,10 +270,6 @@ class Publisher:
     def _deliver(self, sink: Sink, topic: str, time_s: float, message: Message) -> None:
         with suppress(Exception):  # no sink may stop the robot
             sink(topic, time_s, message)
-
-
-def _words(fault: Fault) -> str:
-    return "" if fault is Fault.NONE else fault.name.lower().replace("_", " ")
 
 
 def _cropped(costmap: Costmap, map_from_base: Pose2) -> Costmap:

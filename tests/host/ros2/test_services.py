@@ -45,7 +45,7 @@ def test_arm_emergency_stop_and_clear(live: Live) -> None:
     until(lambda: trigger("arm").success, 30.0)
     until(lambda: live.status.board_state == "CLOSED_LOOP", 20.0)
     assert trigger("emergency_stop").success
-    until(lambda: live.status.fault_words == "e stop", 20.0)
+    until(lambda: live.status.fault_words == "emergency stop", 20.0)
     refusal = trigger("arm")
     assert not refusal.success
     assert "fault" in refusal.message

@@ -4,6 +4,7 @@ Each step runs the `thumper` command of its name, or watches what the page makes
 """
 
 import asyncio
+import re
 import tempfile
 import time
 from collections.abc import Awaitable, Callable
@@ -26,6 +27,7 @@ SAVE_TIMEOUT_S = 30.0  # of a robot that saves its map at the end
 START_TIMEOUT_S = 300.0  # of `thumper run`, which compiles at its first start
 SIMULATOR_TIMEOUT_S = 120.0
 FIRST_DRIVE_M = 0.3
+MISSION_END = re.compile(r"mission \d+ (reached|failed|ended): ")
 TURNED = "motor forward"  # in the lines of the wheel check
 
 
@@ -243,8 +245,8 @@ class Guide:
             self._set("fail" if state.problem else "pass", text)
 
     def _follow_event(self, text: str) -> None:
-        if text.startswith("mission ") and (" reached: " in text or " failed: " in text):
-            self._set("pass" if " reached: " in text else "fail", text)
+        if match := MISSION_END.match(text):
+            self._set("pass" if match[1] == "reached" else "fail", text)
         elif text.startswith(("back: ", "explored ")):
             self._set("pass", text)
         elif text.startswith(("not back: ", "ended after ", "interrupted after ")):

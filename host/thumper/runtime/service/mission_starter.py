@@ -69,6 +69,7 @@ class MissionStarter:
             raise
         mission = self.missions.end(result.reason, reached=result.reached)
         if mission is not None:
-            text = f"mission {mission.number} {mission.state.value}: {mission.reason}"
-            self._publisher.publish_event(text, INFO if result.reached else WARN)
+            state = "ended" if result.interrupted else mission.state.value  # a user's stop is no failure
+            text = f"mission {mission.number} {state}: {mission.reason}"
+            self._publisher.publish_event(text, INFO if result.reached or result.interrupted else WARN)
         return result
