@@ -1,10 +1,14 @@
 """The page in a real browser: what it shows of the robot."""
 
+import re
+
 from benchmarks.shared.fake_robot import FakeRobot
 from playwright.sync_api import Page, expect
 
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
+
+NUMBER = re.compile(r"^-?\d+\.\d\d$")
 
 
 def test_robot_data_is_drawn(page: Page) -> None:
@@ -110,6 +114,17 @@ def test_charts_freeze_and_export_csv(page: Page) -> None:
     assert lines[0].startswith("time_s,left_setpoint_rad_s,left_speed_rad_s,left_pwm,left_integral_pwm")
     assert len(lines) == 1 + count == 1 + page.evaluate(rows)
     assert {len(line.split(",")) for line in lines} == {11}
+
+
+def test_manual_driving_has_no_setpoint(page: Page, robot: FakeRobot) -> None:
+    setpoint = page.locator(".tp-charthead span", has_text="setpoint").locator("output").first
+    speed = page.locator(".tp-charthead span", has_text="speed").locator("output").first
+    expect(setpoint).to_have_text(NUMBER)
+    robot.state = State.MANUAL
+    expect(setpoint).to_have_text("\u2013")
+    expect(speed).to_have_text(NUMBER)
+    robot.state = State.CLOSED_LOOP
+    expect(setpoint).to_have_text(NUMBER)
 
 
 def test_real_robot_has_its_banner(page: Page, robot: FakeRobot) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thumper.board.messages import Telemetry
+from thumper.board.messages import State, Telemetry
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.dashboard.binary_packet import grid_png
@@ -34,7 +34,7 @@ from thumper.ros.markers import objects_of
 INTEGRAL_STEPS_PER_PWM = 64.0
 LOG_LEVELS = {10: "debug", 20: "info", 30: "warning", 40: "error", 50: "error"}  # rcl_interfaces/Log
 
-Row = tuple[float, ...]
+Row = tuple[float | None, ...]
 
 
 def stamped_pose(message: Message) -> tuple[float, Pose2]:
@@ -69,14 +69,16 @@ def wheel_row(message: Message) -> Row:
     """Return a thumper_msgs/Wheels as a row of the charts.
 
     Time [s], then for the left and the right side: set-point and speed [rad/s], PWM, the integral part of
-    the PWM, current [A].
+    the PWM, current [A]. In manual driving, an open loop, there is no set-point: None.
     """
     sample = telemetry_of(message)
     t = sample.telemetry
+    has_setpoint = t.state is not State.MANUAL
+    left, right = (t.left_setpoint, t.right_setpoint) if has_setpoint else (None, None)
     return (
         round(sample.time_s, 3),
-        *_side(t.left_setpoint, t.left_speed, t.left_pwm, t.left_integral, t.left_current_mA),
-        *_side(t.right_setpoint, t.right_speed, t.right_pwm, t.right_integral, t.right_current_mA),
+        *_side(left, t.left_speed, t.left_pwm, t.left_integral, t.left_current_mA),
+        *_side(right, t.right_speed, t.right_pwm, t.right_integral, t.right_current_mA),
     )
 
 
@@ -164,9 +166,9 @@ def event(message: Message) -> dict[str, Any]:
     }
 
 
-def _side(setpoint_mrad_s: int, speed_mrad_s: int, pwm: int, integral: int, current_mA: int) -> Row:
+def _side(setpoint_mrad_s: int | None, speed_mrad_s: int, pwm: int, integral: int, current_mA: int) -> Row:
     return (
-        setpoint_mrad_s / 1000.0,
+        None if setpoint_mrad_s is None else setpoint_mrad_s / 1000.0,
         speed_mrad_s / 1000.0,
         float(pwm),
         round(integral / INTEGRAL_STEPS_PER_PWM, 2),

@@ -148,7 +148,10 @@ class Charts {
     const times_s = rows.map((row) => row[0] - newest_s);
     for (const { chart, columns, outputs, digits } of this.plots) {
       chart.setData([times_s, ...columns.map((column) => rows.map((row) => row[column]))]);
-      outputs.forEach((output, k) => { output.textContent = fixed(rows.at(-1)[columns[k]], digits); });
+      outputs.forEach((output, k) => {
+        const value = rows.at(-1)[columns[k]];
+        output.textContent = value === null ? "–" : fixed(value, digits); // no set-point in manual driving
+      });
     }
   }
 
