@@ -25,6 +25,18 @@ inline void SetFrequency(int16_t frequency_Hz) {
                                   : 6;
 }
 
+/// Connect PWM pins, bits of `kOutputs`, to the timer; each stays low until its next pulse. While a pin was
+/// disconnected, the timer kept the level that it had, high with the probability of the duty. It would drive
+/// the motor at full voltage until the next compare match, up to a period later. So a forced match, `force`
+/// of TCCR2B, clears it first; the timer allows that only outside PWM. Call with the tick held or interrupts
+/// off.
+inline void Connect(uint8_t pins, uint8_t force) {
+  const uint8_t outputs = static_cast<uint8_t>((TCCR2A & kOutputs) | pins);
+  TCCR2A = outputs;
+  TCCR2B |= force;
+  TCCR2A = kPhaseCorrect | outputs;
+}
+
 /// Start the timer with both motors off and the direction forward.
 inline void Start() {
   PORTD &= static_cast<uint8_t>(~pins::kLeftOutputs);  // after a restart they may still be high
@@ -35,8 +47,8 @@ inline void Start() {
   DDRB |= pins::kRightOutputs;
   OCR2A = 0;
   OCR2B = 0;
-  TCCR2A = kPhaseCorrect | kOutputs;
   SetFrequency(0);
+  Connect(kOutputs, 1 << FOC2A | 1 << FOC2B);
 }
 
 /// Switch the motors off for good, whatever the timer does: disconnect the pins from it and drive them low.
@@ -91,8 +103,8 @@ class Drive {
   /// Reconnect each pin after its rest. Call each time at least one more millisecond has elapsed, with the
   /// tick held and no tone on.
   void AfterMillisecond() {
-    if (left_rest_ != 0 && --left_rest_ == 0) TCCR2A |= 1 << COM2B1;
-    if (right_rest_ != 0 && --right_rest_ == 0) TCCR2A |= 1 << COM2A1;
+    if (left_rest_ != 0 && --left_rest_ == 0) Connect(1 << COM2B1, 1 << FOC2B);
+    if (right_rest_ != 0 && --right_rest_ == 0) Connect(1 << COM2A1, 1 << FOC2A);
   }
 
   /// Give the pins to the beeper.

@@ -33,7 +33,8 @@ static_assert(kTwoPi_nrad * kControlRate_Hz / 1000000 / 40 < INT16_MAX,
 __attribute__((always_inline)) inline int16_t SpeedFromCounts(const SpeedScale& scale, int16_t counts) {
   int16_t used = counts;
   // One comparison in the usual case: counts + max_counts is negative, and so large, below -max_counts.
-  if (static_cast<uint16_t>(counts + scale.max_counts) > static_cast<uint16_t>(scale.max_counts * 2)) {
+  const uint16_t above = static_cast<uint16_t>(counts) + static_cast<uint16_t>(scale.max_counts);
+  if (above > static_cast<uint16_t>(scale.max_counts * 2)) {
     used = counts < 0 ? static_cast<int16_t>(-scale.max_counts) : scale.max_counts;
   }
   // Unsigned: the first product alone may exceed int16, and the chip's int has 16 bits.

@@ -1,6 +1,7 @@
 """Cycle budgets of the flashed ELF on the emulated chip."""
 
 import itertools
+import random
 
 import pytest
 
@@ -23,6 +24,7 @@ from thumper.board.messages import (
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.instrumented_chip import TICK_VECTOR, InstrumentedChip
 from thumper_hil.chip.native_library import CProbeReport
+from thumper_hil.chip.preemption import symbol
 from thumper_hil.chip.robot_params import RobotParams
 
 EDGE_VECTORS = (3, 5)  # PCINT0, PCINT2
@@ -31,6 +33,7 @@ TICK_CYCLES = {"5": 1500, "7": 1800}  # by gcc's version: both wheels, ramp, fee
 OFF_CYCLES = 150
 TWI_VECTOR = 24
 INDEX = {spec.name: spec.index for spec in PARAMETERS}
+COSTLY = ("kp", "ki", "ks", "kv", "ka", "acceleration", "counts_per_rev")
 DIRECTIONS = [name for name in INDEX if name.endswith("_reversed")]
 
 
@@ -94,6 +97,38 @@ def test_every_combination_of_directions_stays_within_the_tick_s_cycles(reversed
     assert max(abs(sample.right_pwm) for sample in seen) > 50
     assert max(abs(sample.left_count) for sample in seen) > 100
     assert max(abs(sample.right_count) for sample in seen) > 100
+    assert 0 < most <= TICK_CYCLES[compiler_of(ELF)[0]]
+
+
+def test_counts_and_gains_of_any_size_stay_within_the_tick_s_cycles() -> None:
+    """Noise on an encoder's lines may count far more than a wheel can turn."""
+    rng = random.Random(1)
+    chip = InstrumentedChip(ELF, params=RobotParams.load(), seed=1)
+    chip.run(CPU_HZ // 5)
+    encoders = [symbol(ELF, name).address + 1 for name in ("left_encoder", "right_encoder")]
+    gains = [spec for spec in PARAMETERS if spec.name in COSTLY or spec.name in DIRECTIONS]
+    with chip.probe() as probe:
+        for step in range(120):
+            if step % 30 == 0:
+                chip.send(frame(CommandRequest(command=Command.DISARM)))
+                for spec in gains:
+                    limits = round(spec.minimum * spec.scale), round(spec.maximum * spec.scale)
+                    chip.send(
+                        frame(
+                            SetParameter(index=spec.index, value=rng.choice([*limits, rng.randint(*limits)]))
+                        )
+                    )
+            chip.send(frame(CommandRequest(command=Command.CLEAR_FAULT)))
+            chip.send(frame(CommandRequest(command=Command.ARM)))
+            left, right = (rng.choice([0, 17_000, rng.randint(-17_000, 17_000)]) for _ in range(2))
+            chip.send(frame(SetWheelSpeeds(left=left, right=right)))
+            probe.run(chip.cycle + CPU_HZ // 20)
+            for address in encoders:
+                count = rng.getrandbits(16)
+                chip.poke(address, count & 0xFF)
+                chip.poke(address + 1, count >> 8)
+            probe.run(chip.cycle + CPU_HZ // 20)
+        most = probe.report().vector[TICK_VECTOR].most
     assert 0 < most <= TICK_CYCLES[compiler_of(ELF)[0]]
 
 

@@ -15,7 +15,8 @@ from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.chip.robot_params import RobotParams
 
 PWM_PERIOD_S = 510 * 256 / CPU_HZ
-TCCR2A, OCR2A, OCR2B = 0xB0, 0xB3, 0xB4
+TCCR2A, TCCR2B, OCR2A, OCR2B = 0xB0, 0xB1, 0xB3, 0xB4
+PHASE_CORRECT, FORCE_A, FORCE_B = 0b01, 1 << 7, 1 << 6
 PORTB, PORTD = 0x25, 0x2B
 TIMSK0, OCIE0B = 0x6E, 1 << 2
 DIRECTION_AND_PWM = 1 << 2 | 1 << 3  # of both ports
@@ -60,6 +61,33 @@ def test_a_turning_motor_rests_first(side: str, before: int, after: int) -> None
     assert turned_s is not None
     assert on_s is not None
     assert PWM_PERIOD_S <= on_s - turned_s <= 0.012, "the old duty must be over when the timer drives again"
+
+
+@pytest.mark.parametrize(("side", "force"), [("left", FORCE_B), ("right", FORCE_A)])
+def test_the_timer_drives_a_pin_again_from_low(side: str, force: int) -> None:
+    """While a pin is disconnected, the timer keeps its level, which may be high; a forced match clears it."""
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    output = 1 << SIDES[side][2]
+    assert connected_after_a_forced_match(chip, output, force), "at the start"
+    run_for(chip, 0.2)
+    send(chip, CommandRequest(command=Command.ARM))
+    for pwm in (200, -150):
+        send(chip, SetMotorPwm(left=pwm, right=pwm))
+        run_for(chip, 0.1 if pwm > 0 else 0.001)
+    while chip.data(TCCR2A) & output:
+        run_for(chip, STEP_S)
+    run_for(chip, 0.009)
+    assert connected_after_a_forced_match(chip, output, force)
+
+
+def connected_after_a_forced_match(chip: InstrumentedChip, output: int, force: int) -> bool:
+    """Run until PWM drives a pin; return whether a match was forced outside PWM, with the pin connected."""
+    forced = False
+    while chip.data(TCCR2A) & (output | PHASE_CORRECT) != output | PHASE_CORRECT:
+        chip.run(chip.cycle + 1)
+        is_connected = chip.data(TCCR2A) & (output | PHASE_CORRECT) == output
+        forced |= is_connected and bool(chip.data(TCCR2B) & force)
+    return forced
 
 
 def test_a_late_main_loop_shortens_no_rest() -> None:
