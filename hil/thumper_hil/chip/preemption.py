@@ -135,6 +135,8 @@ class SweptChip(InstrumentedChip):
         )
         if count < 0:
             raise ChipError("the sweep needs more processes than the system allows")
+        if count == CAPACITY:
+            raise ChipError(f"the sweep has more than {CAPACITY} branches: choose a larger stride")
         return [_branch(raw, at_entry.size, at_exit.size) for raw in branches[:count]]
 
 
