@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Coroutine
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, TypeVar
@@ -21,12 +22,13 @@ from thumper.common.geometry import Pose2
 from thumper.config.robot import load_config
 from thumper.dashboard.guide import guide as guide_module
 from thumper.dashboard.guide.command import StepCommand
-from thumper.dashboard.guide.guide import Guide, Step, judge_check
+from thumper.dashboard.guide.guide import Guide, Step, judge_check, progress_text
 from thumper.dashboard.guide.robot_file import WORLDS, Ports, simulated_ports, write_robot_file
 from thumper.dashboard.guide.robot_watch import RobotWatch
 from thumper.dashboard.guide.step_controls import LANE_M
 from thumper.dashboard.page_commands import PageCommands, TeleopLimits
 from thumper.dashboard.page_messages import EStop
+from thumper.ros.services import ExperimentState
 from thumper.ros.status import Status
 from thumper.ros.to_ros import Messages
 from thumper_hil.bench.collision import FOOTPRINT_M
@@ -167,6 +169,14 @@ def test_a_run_that_ends_while_it_tunes_frees_the_guide() -> None:
     in_own_loop(guide._follow())
     assert [guide.step, guide.busy] == [Step.START, None]
     assert guide.outcomes[Step.START].text == "the robot has stopped: the board is gone"
+
+
+def test_progress_of_unknown_length_has_no_share() -> None:
+    state = ExperimentState(
+        running="tune", share=0.0, what="computing", lines=[], problem="", has_report=False
+    )
+    assert progress_text(state) == "computing"
+    assert progress_text(replace(state, share=0.25, what="recording")) == "25%: recording"
 
 
 @pytest.mark.parametrize(

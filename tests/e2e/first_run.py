@@ -25,6 +25,16 @@ PHONE: ViewportSize = {"width": 390, "height": 844}
 BUSY_MS = 120_000  # a busy computer takes its time for each click
 TRIES = 3  # a busy computer delays the emulated board as a loose cable would
 
+BEGIN_AT = """
+import sys
+from thumper.__main__ import main
+from thumper.dashboard.guide.guide import Guide, Step
+
+Guide.connect = lambda self, robot, connect=Guide.connect: (connect(self, robot), self.begin(Step(step)))
+step = sys.argv.pop(1)
+main()
+"""
+
 
 class Guided:
     """One walk: `thumper setup` in a folder of its own, and a page that shows it."""
@@ -40,10 +50,11 @@ class Guided:
         expect.set_options(timeout=BUSY_MS)
 
     @contextmanager
-    def server(self) -> Iterator[None]:
-        """Run `thumper setup` and open its page."""
+    def server(self, step: str = "robot") -> Iterator[None]:
+        """Run `thumper setup` and open its page; a step other than the first begins without its robot."""
         port = free_port()
-        command = (sys.executable, "-m", "thumper", "setup", "--port", str(port))
+        program = ("-m", "thumper") if step == "robot" else ("-c", BEGIN_AT, step)
+        command = (sys.executable, *program, "setup", "--port", str(port))
         process = subprocess.Popen(
             [*END_WITH_PARENT, *command, "--bus", f"127.0.0.1:{free_port()}"],
             cwd=self.folder,
@@ -55,7 +66,7 @@ class Guided:
             url = re.search(r"http://\S+/setup", until(process.stdout.readline))
             assert url is not None
             self.page.goto(url[0])
-            self._now("robot")
+            self._now(step)
             yield
         finally:
             process.send_signal(signal.SIGINT)
@@ -178,8 +189,8 @@ def _drive_ahead(walk: Guided) -> None:
 
 
 def _send_goal(walk: Guided, x_m: float, y_m: float) -> None:
-    """Press the goal tool, then a place on the map."""
-    walk.page.locator("[data-tool=goal]").click()
+    """Press a place on the map; the page has chosen the goal tool."""
+    expect(walk.page.locator("[data-tool=goal]")).to_have_class("on")
     x, y = walk.page.evaluate(
         """([x_m, y_m]) => {
           const view = document.querySelector('.tp-map').mapView;
@@ -190,7 +201,7 @@ def _send_goal(walk: Guided, x_m: float, y_m: float) -> None:
         [x_m, y_m],
     )
     walk.page.mouse.click(x, y)
-    walk.clicks += 2
+    walk.clicks += 1
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 """`thumper setup` in Chromium: a bare emulated board is flashed, and STOP ends the wheel check."""
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -11,10 +12,29 @@ from tests.e2e.first_run import PHONE, Guided
 
 
 def test_bare_board_is_flashed_and_stop_ends_the_wheel_check(tmp_path: Path) -> None:
+    in_own_thread(follow, tmp_path)
+
+
+def test_goal_step_opens_with_the_goal_tool(tmp_path: Path) -> None:
+    in_own_thread(open_goal_step, tmp_path)
+
+
+def in_own_thread(work: Callable[[Path], None], folder: Path) -> None:
+    """Run in a thread of its own: other tests' browser runs a loop in this one."""
     if not Path(CHROMIUM).exists():
         pytest.skip(f"{CHROMIUM} is not there; `make test` installs it")
-    with ThreadPoolExecutor(1) as thread:  # other tests' browser runs a loop in this one
-        thread.submit(follow, tmp_path).result()
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(work, folder).result()
+
+
+def open_goal_step(tmp_path: Path) -> None:
+    """Open the page at that step: the tools appear after the page."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        walk = Guided(browser.new_page(), tmp_path)
+        with walk.server("goal"):
+            expect(walk.page.locator("[data-tool=goal]")).to_have_class("on")
+        browser.close()
 
 
 def follow(tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ class BoardProcedure:
     def identify(self, options: ExcitationOptions) -> list[IdentifiedMotor]:
         """Drive the identification experiment and identify the motors."""
         log = record(self.board, options, self.folder / "identification.csv", self._report_as("recording"))
-        self.progress.report_progress(0, 0, "fitting")
+        self.progress.report_progress(0, 0, "computing the motor models; takes up to a minute")
         counts_per_rev = self.board.identity.counts_per_rev
         motors = self.progress.run_in_thread(
             lambda: [identify(logs) for logs in read_runs([log], counts_per_rev)]
@@ -66,6 +66,7 @@ class BoardProcedure:
         """
         start_m = distance_m(self.board)
         motors = self.identify(options.excitation)
+        self.progress.report_progress(0, 0, "computing the gains; takes up to a minute")
         result = self.progress.run_in_thread(lambda: self._design(motors, options.design))
         self._report_lines(design_lines(result))
         write_gains_file(self.folder / "gains.json", result)

@@ -20,7 +20,7 @@ from thumper.dashboard.guide.command import StepCommand
 from thumper.dashboard.guide.robot_file import Ports, write_robot_file
 from thumper.dashboard.guide.robot_watch import RobotWatch, WatchedBus
 from thumper.ros import services
-from thumper.ros.services import NamedMap
+from thumper.ros.services import ExperimentState, NamedMap
 
 WATCH_PERIOD_S = 0.25
 SAVE_TIMEOUT_S = 30.0  # of a robot that saves its map at the end
@@ -69,6 +69,11 @@ def judge_check(lines: list[str]) -> StepOutcome:
     if failed:
         return StepOutcome(verdict="warn", text=f"both sides turn forward, but {failed[0]}")
     return StepOutcome(verdict="pass", text="both sides turn forward, and each encoder counts its own side")
+
+
+def progress_text(state: ExperimentState) -> str:
+    """Return what an experiment does, and its share if that is known."""
+    return f"{state.share:.0%}: {state.what}" if state.share else state.what
 
 
 class Guide:
@@ -238,7 +243,7 @@ class Guide:
         state = await asyncio.to_thread(services.EXPERIMENT_STATE.call, self._connected)
         if state.running:
             self.busy, self.is_tuned = Step.TUNE, False
-            self._set("warn", f"{state.share:.0%}: {state.what}")
+            self._set("warn", progress_text(state))
         elif self.busy is Step.TUNE:
             self.busy, self.is_tuned = None, not state.problem
             text = state.problem or "tuned: the board uses the new gains; keep them?"

@@ -16,6 +16,12 @@ from thumper.dashboard.widgets import STATIC, Widget, box, button, inline
 PERIOD_S = 0.25
 SHOWN_LINES = 12
 SHOW_STEP = "document.querySelector('.tg-now')?.scrollIntoView({block: 'center'})"
+# The map's tools may not be there yet when the page opens at this step.
+SELECT_GOAL_TOOL = """(function select() {
+  const tool = document.querySelector('[data-tool=goal]');
+  if (tool) tool.click();
+  else setTimeout(select, 100);
+})()"""
 MARKS = {"pass": "check_circle", "warn": "warning", "fail": "error"}
 
 
@@ -108,6 +114,8 @@ class GuideView:
             self._build()
             if is_new_step:
                 ui.run_javascript(SHOW_STEP)
+                if guide.step is Step.GOAL:
+                    ui.run_javascript(SELECT_GOAL_TOOL)
         if self._outcome is not None:
             self._outcome.set_text(outcome.text if outcome else "")
         if self._output is not None:
@@ -125,7 +133,7 @@ class GuideView:
                     if step is guide.step:
                         card.classes("tg-now").props('aria-current="step"')
                         self._body()
-            if guide.step is Step.DONE:
+            if guide.step is Step.GOAL:
                 with box("tg-step tg-now").props("data-name=done"):
                     self._controls.add()
 

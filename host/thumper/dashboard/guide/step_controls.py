@@ -152,7 +152,10 @@ class StepControls:
             self._next()
 
     def _goal(self) -> None:
-        _text("Choose the flag beside the map. Press at a free place, drag to set the heading.")
+        _text(
+            "Press on the map at a free place, drag to set the heading. The flag is chosen; for another "
+            "goal, choose it again."
+        )
         with box("tp-buttons"):
             self._next()
 
