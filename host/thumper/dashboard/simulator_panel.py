@@ -75,7 +75,8 @@ class SimulatorPanel:
         self._amount.set_visibility("most" in fault)
         self._place.set_visibility("pose" in fault)
         if "choices" in fault:
-            self._choice.set_options(fault["choices"], value=fault["choices"][0])
+            choices = fault["choices"]  # most begin with ok, which applies no fault
+            self._choice.set_options(choices, value=next(kind for kind in choices if kind != "ok"))
         if "most" in fault:
             self._amount.props(f'label="0 … {fault["most"]:g} {fault["unit"]}"')
 
