@@ -15,8 +15,8 @@ def test_bare_board_is_flashed_and_stop_ends_the_wheel_check(tmp_path: Path) -> 
     in_own_thread(follow, tmp_path)
 
 
-def test_goal_step_opens_with_the_goal_tool(tmp_path: Path) -> None:
-    in_own_thread(open_goal_step, tmp_path)
+def test_last_steps_open_at_once(tmp_path: Path) -> None:
+    in_own_thread(open_last_steps, tmp_path)
 
 
 def in_own_thread(work: Callable[[Path], None], folder: Path) -> None:
@@ -27,13 +27,16 @@ def in_own_thread(work: Callable[[Path], None], folder: Path) -> None:
         thread.submit(work, folder).result()
 
 
-def open_goal_step(tmp_path: Path) -> None:
-    """Open the page at that step: the tools appear after the page."""
+def open_last_steps(tmp_path: Path) -> None:
+    """Open the page at these steps: the goal tool is chosen, although the tools appear after the page."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
         walk = Guided(browser.new_page(), tmp_path)
         with walk.server("goal"):
             expect(walk.page.locator("[data-tool=goal]")).to_have_class("on")
+            expect(walk.page.locator(".tg-now")).to_have_count(1)
+        with walk.server("done"):
+            expect(walk.page.locator(".tg-now")).to_contain_text("The robot is set up")
         browser.close()
 
 

@@ -133,7 +133,7 @@ class GuideView:
                     if step is guide.step:
                         card.classes("tg-now").props('aria-current="step"')
                         self._body()
-            if guide.step is Step.GOAL:
+            if guide.step is Step.DONE:
                 with box("tg-step tg-now").props("data-name=done"):
                     self._controls.add()
 
