@@ -1,16 +1,24 @@
 """Every board's firmware passes the same tests on the simulated robot, wired by that board's pin map."""
 
+import math
 from collections.abc import Iterator
+from itertools import pairwise
+from statistics import median
 
 import pytest
 
+from tests.firmware.board.boot import BUILD, ELF
 from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import BoardModel, Command, Fault, State
 from thumper.common.errors import ThumperError
 from thumper.common.kinematics import WheelSpeeds
 from thumper_hil.bench import Bench, simulation
+from thumper_hil.bench.bench import ELF_BY_BOARD
+from thumper_hil.chip.chip import CPU_HZ, Chip
 
 OCR2A, OCR2B = 0xB3, 0xB4
+TIMSK0, OCIE0B = 0x6E, 1 << 2
+PORTB, PORTD, PWM_PIN = 0x25, 0x2B, 1 << 3
 
 
 class Robot:
@@ -36,6 +44,13 @@ def kind(request: pytest.FixtureRequest) -> BoardModel:
     """Each board in turn."""
     board: BoardModel = request.param
     return board
+
+
+@pytest.fixture(autouse=True)
+def _tested_build(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the simulated robots run the build that is tested."""
+    monkeypatch.setitem(ELF_BY_BOARD, BoardModel.TREX, ELF)
+    monkeypatch.setitem(ELF_BY_BOARD, BoardModel.NANO, BUILD / "nano" / "thumper.elf")
 
 
 @pytest.fixture
@@ -90,3 +105,39 @@ def test_a_low_battery_prevents_motion(kind: BoardModel) -> None:
     assert last.fault is Fault.LOW_BATTERY
     assert abs(robot.bench.truth()[-1, 1:3]).max() < 0.01
     robot.board.close()
+
+
+def test_the_motors_beep_at_2_kHz(robot: Robot) -> None:
+    """Pulses of 48 us, 248 us apart, for 200 ms; none at the start."""
+    chip = robot.bench.chip
+    chip.reset()
+    assert not pulses_us(chip, 0.01)
+    chip.set_battery(charge=0.0)
+    start_s = run_while(chip, beeping=False)
+    pulses = pulses_us(chip, 0.01)
+    assert median(end_us - begin_us for begin_us, end_us in pulses) == pytest.approx(48.0, abs=2.0)
+    assert median(b[0] - a[0] for a, b in pairwise(pulses)) == pytest.approx(248.0, abs=2.0)
+    assert run_while(chip, beeping=True) - start_s == pytest.approx(0.2, abs=0.01)
+
+
+def run_while(chip: Chip, *, beeping: bool) -> float:
+    """Return the time [s] at which the tone begins or ends."""
+    while bool(chip.data(TIMSK0) & OCIE0B) is beeping:
+        assert chip.time_s < 10.0
+        chip.run(chip.cycle + CPU_HZ // 10_000)
+    return chip.time_s
+
+
+def pulses_us(chip: Chip, duration_s: float) -> list[tuple[float, float]]:
+    """Return when both PWM pins rose and when one fell again, for each whole pulse."""
+    pulses, rose_us, was_high = [], math.nan, True
+    end = chip.cycle + round(duration_s * CPU_HZ)
+    while chip.cycle < end:
+        chip.run(chip.cycle + 1)
+        is_high = all(chip.data(port) & chip.data(port - 1) & PWM_PIN for port in (PORTB, PORTD))
+        if is_high and not was_high:
+            rose_us = 1e6 * chip.time_s
+        elif was_high and not is_high and math.isfinite(rose_us):
+            pulses.append((rose_us, 1e6 * chip.time_s))
+        was_high = is_high
+    return pulses
