@@ -97,7 +97,10 @@ def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
         data = load_toml(path)
     except FileNotFoundError as error:
         known = ", ".join(sorted(file.stem for file in WORLDS.glob("*.toml")))
-        raise ThumperError(f"{path}: unknown world; choose from {known}", exit_code=EXIT_USAGE) from error
+        name = path.stem if path.parent == WORLDS else path
+        raise ThumperError(
+            f"{name}: unknown world; choose from {known}, or a house such as house-4", exit_code=EXIT_USAGE
+        ) from error
     except (OSError, ValueError) as error:
         raise ThumperError(f"{path}: cannot read the world: {error}", exit_code=EXIT_USAGE) from error
     try:
