@@ -79,7 +79,9 @@ def test_the_documented_columns(fit: Fit) -> None:
     ],
 )
 def test_other_names_units_and_counters(tmp_path: Path, header: str, columns: tuple[FloatArray, ...]) -> None:
-    assert_wheel(read_logs(write(tmp_path / "log.csv", header, *columns)))
+    logs = read_logs(write(tmp_path / "log.csv", header, *columns))
+    assert len(logs) == 1
+    assert_wheel(logs)
 
 
 def test_drive_in_volts(fit: Fit) -> None:

@@ -15,7 +15,7 @@ from thumper.ros.codec import encode, message
 from thumper_tuning.logs.column_names import Quantity
 from thumper_tuning.logs.columns import parse_header
 from thumper_tuning.logs.guess_units import guess_time_unit
-from thumper_tuning.logs.motor_log import MotorLog
+from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.logs.read import read_logs
 from thumper_tuning.logs.roles import parse_choices
 
@@ -35,6 +35,8 @@ def write(path: Path, header: str, *columns: FloatArray, separator: str = ",") -
 def assert_wheel(logs: list[MotorLog], drive_scale: float = 1.0, sign: float = 1.0) -> MotorLog:
     """Assert that the first log holds the wheel's time, drive, and speeds or positions; return it."""
     log = logs[0]
+    assert drive_scale != 1.0 or log.drive_unit is DriveUnit.PWM
+    assert log.starts_segment.sum() <= 2  # one counter is reset once
     values = log.speed_rad_s if log.position_rad is None else log.position_rad
     assert values is not None
     rows = np.flatnonzero(np.isfinite(values))

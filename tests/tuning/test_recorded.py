@@ -59,7 +59,7 @@ def _partly(logs: list[MotorLog]) -> PartialMotor:
     return identify_partly(logs, reason.value)
 
 
-@pytest.mark.parametrize(("held_out", "percent"), [(2, 88.0)])
+@pytest.mark.parametrize(("held_out", "percent"), [(2, 88.0), (3, 85.0)])
 def test_a_filtered_and_late_speed(held_out: int, percent: float) -> None:
     """A voltage step, predicted by a fit to both ramps and the other step."""
     (log,) = read_logs(DATA / "simple-sysid" / "sysid_data.json")

@@ -153,17 +153,21 @@ class SpeedLoop:
             gain = min(gain, 1.0 / at_nyquist)
         T, _, _ = control.frequency_response(self.closed_loop, self.frequencies())
         S, _, _ = control.frequency_response(self.sensitivity, self.frequencies())
-        crossovers = zip(phases_deg.tolist(), crossovers_rad_s.tolist(), strict=True)
-        phase_deg, crossover_rad_s = min(crossovers, key=lambda found: abs(found[0]), default=(180.0, 0.0))
-        has_crossover = math.isfinite(phase_deg) and crossover_rad_s > 0.0
+        crossovers = [
+            (phase_deg, rad_s)
+            for phase_deg, rad_s in zip(phases_deg.tolist(), crossovers_rad_s.tolist(), strict=True)
+            if math.isfinite(phase_deg) and rad_s > 0.0
+        ]
         return LoopMargins(
             stable=True,
             # For a few discrete loops, stability_margins uses a coarse grid and misses the maximum of |S|.
             max_sensitivity=max(1.0 / float(np.min(distances, initial=math.inf)), float(np.max(S))),
             max_complementary=float(np.max(T)),
             gain_margin=float(gain),
-            phase_margin_deg=phase_deg if has_crossover else 180.0,
-            delay_margin_s=math.radians(phase_deg) / crossover_rad_s if has_crossover else math.inf,
+            phase_margin_deg=min((phase_deg for phase_deg, _ in crossovers), key=abs, default=180.0),
+            delay_margin_s=min(
+                (math.radians(phase_deg % 360.0) / rad_s for phase_deg, rad_s in crossovers), default=math.inf
+            ),
             disk_gain_margin=float(control.db2mag(disk_dB)),
             disk_phase_margin_deg=float(disk_deg),
         )

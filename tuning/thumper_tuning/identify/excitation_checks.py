@@ -115,7 +115,7 @@ def check_model(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, larges
         )
 
 
-def check_percent(name: str, fit_percent: float) -> None:
+def check_percent(name: str, fit_percent: float, what: str = "speeds") -> None:
     """Reject a model that explains too little.
 
     Raises
@@ -125,7 +125,7 @@ def check_percent(name: str, fit_percent: float) -> None:
     """
     if fit_percent < MIN_FIT_PERCENT:
         raise log_error(
-            f"{name}: the model explains only {max(fit_percent, 0.0):.0f} % of the speeds: check "
+            f"{name}: the model explains only {max(fit_percent, 0.0):.0f} % of the {what}: check "
             f"units, sign and that each row holds the drive applied until the next; else {RECORD}"
         )
 

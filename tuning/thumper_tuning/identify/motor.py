@@ -89,11 +89,11 @@ class IdentifiedMotor:
 
     def second_order(self) -> RicherModel:
         """Return the second-order grey box (thesis, eq. 3.3, with friction), fitted to the same data."""
-        return fit_second_order(*self._thinned())
+        return fit_second_order(*self.rows_of_richer_models())
 
     def compare(self, *, backlash: bool = False) -> list[ComparedModel]:
         """Return models of this motor with their validation fit; `backlash` adds that grey box (seconds)."""
-        segments, fit = self._thinned()
+        segments, fit = self.rows_of_richer_models()
         return compare_models(
             segments,
             fit,
@@ -102,7 +102,7 @@ class IdentifiedMotor:
             self.period_s,
         )
 
-    def _thinned(self) -> tuple[list[LogSegment], Fit]:
+    def rows_of_richer_models(self) -> tuple[list[LogSegment], Fit]:
         """Return the rows that the richer models are fitted to: they are simulated in small steps."""
         ends = np.cumsum([len(s.speed_rad_s) for s in self.segments])
         numbered = [
@@ -141,7 +141,7 @@ def identify(logs: list[MotorLog]) -> IdentifiedMotor:
     unit, largest = logs[0].drive_unit, max(float(np.abs(s.drive).max()) for s in segments)
     check_model(name, fit, fit_percent_of(segments, fit), unit, largest)
     validation = cross_validate(segments, fit)
-    check_percent(name, validation.fit_percent)
+    check_percent(name, validation.fit_percent, "held-out speeds")
     check_determined(name, fit, unit)
     warnings = list(dict.fromkeys(warning for log in logs for warning in log.warnings))
     if reversed_sign:

@@ -74,7 +74,7 @@ def _systems(motor: IdentifiedMotor) -> "dict[str, control.TransferFunction]":
             second.base, second.second_time_constant_s, motor.period_s
         ),
     }
-    for model in era_models(list(motor.segments), motor.fit):
+    for model in era_models(*motor.rows_of_richer_models()):
         if model.system is not None:
             found[f"{motor.name}_era_{len(model.system.A)}"] = _transfer_function(model.system)
     return found
