@@ -92,7 +92,6 @@ def open_robot(
         A port, the board or the lidar does not answer; the message names it and the fix.
     """
     check_port_exists(config.board.port, "board")
-    check_port_exists(config.lidar.port, "lidar")
     warm_up(config)  # compiling takes seconds, which must not pass while wheels turn
     with _report_motors_off(), ExitStack() as stack:
         stack.enter_context(record_interrupts())
