@@ -127,9 +127,7 @@ def open_port(url: str, *, baud: int, name: str) -> SerialPort:
     try:
         return SerialPort(serial.serial_for_url(url, **options), url=url, device=name)
     except _OPEN_FAILURES as error:
-        raise ThumperError(
-            f"cannot open the {name} port {url}: {_explain(error, name)}", exit_code=_exit_code(error)
-        ) from error
+        raise _open_error(url, name, error) from error
 
 
 def check_port_exists(url: str, name: str) -> None:
@@ -141,16 +139,19 @@ def check_port_exists(url: str, name: str) -> None:
         There is no such port.
     """
     if "://" not in url and not Path(url).exists():
-        raise ThumperError(
-            f"cannot open the {name} port {url}: {_explain(FileNotFoundError(), name)}",
-            exit_code=EXIT_NOT_THERE,
-        )
+        raise _open_error(url, name, FileNotFoundError())
 
 
 def _register_plugins() -> None:
     for plugin in entry_points(group="thumper.serial_protocols"):
         if plugin.value not in serial.protocol_handler_packages:
             serial.protocol_handler_packages.append(plugin.value)
+
+
+def _open_error(url: str, name: str, error: Exception) -> ThumperError:
+    return ThumperError(
+        f"cannot open the {name} port {url}: {_explain(error, name)}", exit_code=_exit_code(error)
+    )
 
 
 def _exit_code(error: Exception) -> int:

@@ -105,7 +105,7 @@ def _from_first_window(segment: LogSegment, model: MotorModel) -> float:
     if initial * direction < 0.0:
         return 0.0
     speeds = np.abs(segment.speed_rad_s)
-    if np.count_nonzero(speeds > abs(initial)) > 0.05 * len(speeds):
-        return initial  # below the percentile, which costs more
+    if np.count_nonzero(speeds > abs(initial)) > 0.05 * len(speeds) + 1:
+        return initial  # certainly below the percentile, which costs more
     largest = float(np.percentile(speeds, 95))
     return min(max(initial, -largest), largest)
