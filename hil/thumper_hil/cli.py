@@ -55,9 +55,9 @@ def demo(
 
 
 def _worlds() -> list[str]:
-    from thumper_hil.world.world_file import WORLDS
+    from thumper_hil.world.world_file import world_names
 
-    return sorted(file.stem for file in WORLDS.glob("*.toml"))
+    return [*world_names(), *(f"house-{number}" for number in range(1, 10))]
 
 
 def _lidars() -> list[str]:
@@ -74,7 +74,8 @@ def sim(
     world: Annotated[
         str,
         typer.Option(
-            help="Built-in world (hall, lab, lab_box, yard), world file (TOML) or map (YAML).",
+            help="World (hall, lab, lab_box, yard, or house-N with any number N), world file (TOML) or "
+            "map (YAML).",
             autocompletion=_worlds,
         ),
     ] = "lab",

@@ -105,13 +105,6 @@ def test_log_with_one_scan(thumper: Run, tmp_path: Path) -> None:
     assert done.stdout.startswith("CARMEN log: 1 scan, 0.0 m driven, no scan matched with a map\n")
 
 
-def test_mistyped_option_of_goto(thumper: Run) -> None:
-    """goto accepts negative coordinates, so it parses an unknown option as a coordinate."""
-    done = thumper("goto", "1", "-0.5", "--tolerence")
-    assert done.returncode == 2
-    assert "'--tolerence' is neither a number nor an option" in done.stderr
-
-
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [

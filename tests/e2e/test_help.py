@@ -59,6 +59,7 @@ def test_overview_lists_the_commands(thumper: Run) -> None:
     [
         ("watch po", {"pose"}),
         ("sim --world lab", {"lab", "lab_box"}),
+        ("sim --world house-4", {"house-4"}),
         ("sim --lidar u", {"urg04lx"}),
         ("sim --preset h", {"hard"}),
     ],

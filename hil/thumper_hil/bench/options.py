@@ -8,6 +8,7 @@ from typing import Self
 from thumper.board.messages import BoardModel
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
+from thumper.common.texts import choice_hint
 from thumper_hil.effects.friction import floors
 from thumper_hil.effects.preset import PRESETS
 
@@ -75,10 +76,8 @@ class BenchOptions:
         values: dict[str, object] = {}
         for name, text in options.items():
             if name not in readers:
-                known = ", ".join(readers)
-                raise ThumperError(
-                    f"unknown simulator option {name!r}; choose from {known}", exit_code=EXIT_USAGE
-                )
+                hint = choice_hint(name, readers)
+                raise ThumperError(f"unknown simulator option {name!r}; {hint}", exit_code=EXIT_USAGE)
             try:
                 values["realtime" if name == "pace" else name] = readers[name](text)
             except ValueError as error:

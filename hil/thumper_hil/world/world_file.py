@@ -11,6 +11,7 @@ import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
+from thumper.common.texts import choice_hint
 from thumper.common.toml_file import load_toml
 from thumper_hil.effects.surfaces import Surface
 from thumper_hil.world.furniture import Furniture
@@ -83,6 +84,11 @@ def read_world_file(name_or_path: str | Path) -> WorldShapes:
     return _read(path, parents=())
 
 
+def world_names() -> list[str]:
+    """Return the names of the built-in world files."""
+    return sorted(file.stem for file in WORLDS.glob("*.toml"))
+
+
 def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
     if path.resolve() in parents:
         raise ThumperError(
@@ -96,11 +102,9 @@ def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
     try:
         data = load_toml(path)
     except FileNotFoundError as error:
-        known = ", ".join(sorted(file.stem for file in WORLDS.glob("*.toml")))
-        name = path.stem if path.parent == WORLDS else path
-        raise ThumperError(
-            f"{name}: unknown world; choose from {known}, or a house such as house-4", exit_code=EXIT_USAGE
-        ) from error
+        name = path.stem if path.parent == WORLDS else str(path)
+        hint = choice_hint(name, (*world_names(), "house-4"))
+        raise ThumperError(f"{name}: unknown world; {hint}", exit_code=EXIT_USAGE) from error
     except (OSError, ValueError) as error:
         raise ThumperError(f"{path}: cannot read the world: {error}", exit_code=EXIT_USAGE) from error
     try:

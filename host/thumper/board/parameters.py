@@ -2,6 +2,7 @@
 
 from thumper.board.messages import PARAMETERS, ParameterSpec
 from thumper.common.errors import ThumperError
+from thumper.common.texts import choice_hint
 
 
 def parameter_named(name: str) -> ParameterSpec:
@@ -9,5 +10,5 @@ def parameter_named(name: str) -> ParameterSpec:
     for spec in PARAMETERS:
         if spec.name == name:
             return spec
-    names = ", ".join(spec.name for spec in PARAMETERS)
-    raise ThumperError(f"unknown board parameter {name!r}; choose from: {names}")
+    hint = choice_hint(name, [spec.name for spec in PARAMETERS])
+    raise ThumperError(f"unknown board parameter {name!r}; {hint}")

@@ -4,10 +4,10 @@ import signal
 import sys
 from importlib.metadata import entry_points
 from itertools import islice
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import typer
-from typer.core import TyperArgument, TyperCommand
+from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from thumper.cli import bus
 from thumper.cli.dashboard import dashboard
@@ -30,7 +30,8 @@ from thumper.cli.save import save
 from thumper.cli.setup import setup
 from thumper.cli.status import status, watch
 from thumper.cli.teleop import teleop
-from thumper.common.errors import ThumperError
+from thumper.cli.usage_errors import UsageError, refuse_unknown_options, usage_text
+from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
 from thumper.common.optional_packages import extra_providing, missing_package
 from thumper.common.parent import end_with_parent
 from thumper.common.signals import STOP_SIGNALS
@@ -75,7 +76,23 @@ PANELS = {  # the order of `thumper --help`
 }
 
 
-class PlainCommand(TyperCommand):
+class ErrorsWithContext:
+    """Names the command in the error of an option without its value, which Typer leaves out."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the options of this command."""
+        try:
+            return cast("list[str]", super().parse_args(ctx, args))  # type: ignore[misc]  # of the command
+        except UsageError as error:
+            error.ctx = error.ctx or ctx
+            raise
+
+
+class PlainGroup(ErrorsWithContext, TyperGroup):
+    """A command with subcommands."""
+
+
+class PlainCommand(ErrorsWithContext, TyperCommand):
     """A command whose arguments appear in capitals, and whose repeated options may take pairs X Y."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -97,6 +114,8 @@ class PlainCommand(TyperCommand):
             joined.append(word)
             if word in pairs:
                 joined.append(",".join(islice(words, 2)))
+        if ctx.ignore_unknown_options:
+            refuse_unknown_options(ctx, joined)
         return super().parse_args(ctx, joined)
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
@@ -142,7 +161,7 @@ def build_app() -> typer.Typer:
     for name, panel in (*grouped, *others):
         command = commands[name]
         if isinstance(command, typer.Typer):
-            app.add_typer(plain(command), name=name, rich_help_panel=panel)
+            app.add_typer(plain(command), name=name, cls=PlainGroup, rich_help_panel=panel)
             continue
         # so that goto accepts negative coordinates
         settings = {"ignore_unknown_options": True} if command is goto else None
@@ -158,7 +177,16 @@ def main() -> None:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, signal.default_int_handler)
         end_with_parent()
-        app()
+        sys.exit(app(prog_name="thumper", standalone_mode=False))
+    except UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            print(error.message)  # empty if rich has printed the help
+            sys.exit(EXIT_USAGE)
+        _exit_with(ThumperError(usage_text(error), exit_code=EXIT_USAGE))
+    except typer.Abort as error:  # at a question: Ctrl-C, or nobody is there
+        if isinstance(error.__context__, KeyboardInterrupt):
+            sys.exit(EXIT_INTERRUPTED)
+        _exit_with(ThumperError("nobody answers the question; pass --yes to skip it", exit_code=EXIT_USAGE))
     except ThumperError as error:
         _exit_with(error)
     except ModuleNotFoundError as error:

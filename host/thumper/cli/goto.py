@@ -8,6 +8,7 @@ import typer
 
 from thumper.cli.options.bus import connect
 from thumper.cli.options.common import BusAddress, ClearFault, ConfigFile, GoalTolerance, RobotName
+from thumper.cli.usage_errors import is_number
 
 if TYPE_CHECKING:
     from thumper.bus.client import BusClient
@@ -18,11 +19,10 @@ LINE_PERIOD_S = 1.0
 
 
 def _number(text: str) -> float:
-    """Parse a coordinate. Unknown options arrive here, too, because coordinates may be negative."""
-    try:
-        return float(text)
-    except ValueError as error:
-        raise typer.BadParameter(f"{text!r} is neither a number nor an option of `thumper goto`") from error
+    """Parse a coordinate."""
+    if not is_number(text):
+        raise typer.BadParameter(f"{text!r} is not a number")
+    return float(text)
 
 
 def goto(
@@ -68,10 +68,14 @@ def goto(
         raise ThumperError(
             "pass a goal: X Y, the name of a place, --gps LAT LON or --object NAME", exit_code=EXIT_USAGE
         )
-    elif y is None and not x.startswith("-") and not _is_number(x):
+    elif y is None and not is_number(x):
         goal = SendMission(place=x, tolerance_m=tolerance)
+    elif not is_number(x):
+        raise ThumperError(
+            f"{x!r} is not a number; a goal is X Y or the name of a place", exit_code=EXIT_USAGE
+        )
     else:
-        goal = _position(_number(x), y, yaw, tolerance)
+        goal = _position(float(x), y, yaw, tolerance)
     with connect(config, bus, robot) as client:
         if clear_fault:
             services.COMMAND.call(client, RunCommand(command="clear_fault"))
@@ -102,14 +106,6 @@ def _on_earth(place: tuple[float, float], tolerance_m: float, *, is_alone: bool)
         raise ThumperError("--gps takes latitude and longitude in degrees", exit_code=EXIT_USAGE)
     latitude_deg, longitude_deg = place
     return SendMission(latitude_deg=latitude_deg, longitude_deg=longitude_deg, tolerance_m=tolerance_m)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _position(x_m: float, y_m: float | None, yaw_deg: float | None, tolerance_m: float) -> "SendMission":

@@ -108,12 +108,13 @@ def watch(
 
     from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.common.texts import choice_hint
     from thumper.ros.to_json import to_json
     from thumper.ros.to_text import message_text
     from thumper.ros.topics import TOPICS
 
     if topic not in TOPICS:
-        raise ThumperError(f"unknown topic {topic!r}; choose from: {', '.join(TOPICS)}", exit_code=EXIT_USAGE)
+        raise ThumperError(f"unknown topic {topic!r}; {choice_hint(topic, TOPICS)}", exit_code=EXIT_USAGE)
     received: queue.Queue[Any] = queue.Queue(MAX_QUEUED)
     with connect(config, bus, robot) as client:
         client.subscribe(topic, lambda message: _enqueue(received, message))

@@ -1,6 +1,5 @@
 """Read a TOML file into a dataclass of options. Unknown keys, wrong types and bad values are errors."""
 
-import difflib
 import json
 import math
 from collections.abc import Mapping
@@ -12,6 +11,7 @@ from typing import Any, TypeVar, cast, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.texts import choice_hint
 from thumper.common.toml_file import load_toml
 
 T = TypeVar("T")
@@ -65,8 +65,7 @@ def _refuse_unknown_keys(
         if key not in types:
             if reason := removed.get(f"{prefix}{key}"):
                 raise ThumperError(f"{path}: {prefix}{key} was removed: it {reason}", exit_code=EXIT_USAGE)
-            close = difflib.get_close_matches(key, types, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"choose from: {', '.join(sorted(types))}"
+            hint = choice_hint(key, sorted(types))
             raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=EXIT_USAGE)
         if isinstance(value, dict) and is_dataclass(types[key]):
             _refuse_unknown_keys(value, cast("type", types[key]), path, f"{prefix}{key}.", removed)

@@ -1,9 +1,25 @@
-"""Texts from outside that appear in answers and logs."""
+"""Texts from outside that appear in answers and logs, and hints for names that are mistyped."""
+
+from collections.abc import Collection
 
 MAX_CHARACTERS = 300
+MIN_SIMILARITY = 0.6  # of difflib: 1.0 for equal names
 
 
 def shortened(text: str) -> str:
     """Return the text on one line, at most 300 characters, without control characters."""
     line = "".join(character if character.isprintable() else "?" for character in text[: MAX_CHARACTERS + 1])
     return line if len(line) <= MAX_CHARACTERS else line[: MAX_CHARACTERS - 1] + "…"
+
+
+def close_names(name: str, names: Collection[str]) -> list[str]:
+    """Return the names that resemble a mistyped name, at most two, the best first."""
+    from difflib import get_close_matches  # only for errors: the import takes 3 ms
+
+    return get_close_matches(name, names, n=2, cutoff=MIN_SIMILARITY)
+
+
+def choice_hint(name: str, names: Collection[str]) -> str:
+    """Return the fix for an unknown name: the name that was meant, else all names."""
+    close = close_names(name, names)
+    return f"did you mean {close[0]!r}?" if close else f"choose from: {', '.join(names)}"

@@ -18,6 +18,7 @@ import numpy as np
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import read_text, write_text
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.texts import choice_hint
 
 SUFFIX = ".geojson"
 MAX_ZONES, MAX_PLACES, MAX_VERTICES = 50, 200, 100
@@ -131,8 +132,8 @@ class Annotations:
         """Return the place of that name; raises ThumperError, which lists the places, if there is none."""
         item = self.find(name)
         if not isinstance(item, SavedPlace):
-            names = ", ".join(place.name for place in self.places)
-            cure = f"choose from: {names}" if names else "save one on the page first"
+            names = [place.name for place in self.places]
+            cure = choice_hint(name, names) if names else "save one on the page first"
             raise ThumperError(f"no place {name!r} on this map; {cure}", exit_code=EXIT_USAGE)
         return item
 

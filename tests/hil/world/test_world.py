@@ -196,7 +196,7 @@ def _inside(box_m: FloatArray, x_m: float, y_m: float) -> bool:
         ("[box]\nx_m=0\n", "write each entry as [[box]]"),
         ("", "the world is empty"),
         ("base='w'\n", "includes itself"),
-        ("base='nowhere'\n", "unknown world; choose from "),
+        ("base='nowhere'\n", "unknown world; choose from: "),
         ("[[box\n", "cannot read the world"),
     ],
 )

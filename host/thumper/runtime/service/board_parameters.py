@@ -7,6 +7,7 @@ from thumper.board.board import Board
 from thumper.board.messages import PARAMETERS, Command
 from thumper.board.parameters import parameter_named
 from thumper.common.errors import ThumperError
+from thumper.common.texts import choice_hint
 from thumper.ros.services import Empty, ParameterSchema, ParameterValues
 from thumper.runtime.service.board_jobs import BoardJob
 
@@ -61,7 +62,7 @@ def change(board: Board, content: Mapping[str, Any]) -> ParameterJob:
     for name, value in content.items():
         spec = specs.get(name)
         if spec is None:
-            raise ThumperError(f"unknown parameter {name!r}; choose from: {', '.join(specs)}")
+            raise ThumperError(f"unknown parameter {name!r}; {choice_hint(name, specs)}")
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not spec.minimum <= value <= spec.maximum:
             raise ThumperError(

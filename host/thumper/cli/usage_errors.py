@@ -1,0 +1,67 @@
+"""Errors of the command line's parser as one line each: what is wrong, then how to fix it."""
+
+from typing import Any
+
+import typer
+
+from thumper.common.texts import close_names
+
+# Typer brings click's exceptions, in newer versions as a copy of its own.
+UsageError: Any = typer.BadParameter.__base__
+
+
+def usage_text(error: Any) -> str:
+    """Return the line for a parser error: the command, the problem, and where its options are listed."""
+    context = error.ctx
+    command = context.command_path if context else "thumper"
+    if type(error).__name__ == "NoSuchOption":
+        problem = no_such_option(context, error.option_name)
+    else:
+        _name_the_value(error)
+        problem = " ".join(error.format_message().split()).removesuffix(".")
+        problem = (problem[:1].lower() + problem[1:]).replace(". Did you mean", "; did you mean")
+    subcommand = command.removeprefix("thumper").strip()
+    where = f"{subcommand}: " if subcommand else ""
+    joint = " See" if problem.endswith("?") else "; see"
+    return f"{where}{problem}{joint} `{command} --help`"
+
+
+def _name_the_value(error: Any) -> None:
+    """Turn pydantic's "Input should be a valid number, unable to ..." into "'a' should be a valid number"."""
+    cause = error.__cause__
+    if hasattr(cause, "errors"):
+        first = cause.errors(include_url=False)[0]
+        error.message = f"{first['input']!r} {first['msg'].removeprefix('Input ').partition(',')[0]}"
+
+
+def no_such_option(context: Any, word: str) -> str:
+    """Return the problem with a mistyped option, and the options that it resembles."""
+    name = word.partition("=")[0]
+    options = [name for parameter in context.command.get_params(context) for name in parameter.opts]
+    close = [
+        f"--{known}" for known in close_names(name.strip("-"), [option.strip("-") for option in options])
+    ]
+    return f"no such option {name}" + (f"; did you mean {' or '.join(close)}?" if close else "")
+
+
+def refuse_unknown_options(context: Any, words: list[str]) -> None:
+    """Raise for the first unknown option of a command that takes negative numbers as arguments."""
+    known = {
+        name
+        for parameter in context.command.get_params(context)
+        for name in (*parameter.opts, *parameter.secondary_opts)
+    }
+    for word in words:
+        if word == "--":
+            return
+        if word.startswith("-") and word.partition("=")[0] not in known and not is_number(word):
+            context.fail(no_such_option(context, word))
+
+
+def is_number(text: str) -> bool:
+    """Return whether a text is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

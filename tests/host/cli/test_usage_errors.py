@@ -1,0 +1,109 @@
+"""A mistyped command line gives one line in the style of all errors, and exit status 2."""
+
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+
+import pytest
+import typer
+
+from thumper.cli import app
+from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE
+from thumper.common.signals import STOP_SIGNALS
+
+Refusal = Callable[..., str]
+
+
+def commands(group: object, path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Yield the words of each command and subcommand."""
+    for name, command in getattr(group, "commands", {}).items():
+        yield (*path, name)
+        yield from commands(command, (*path, name))
+
+
+@pytest.fixture
+def handlers() -> Iterator[None]:
+    """Restore the signal handlers that the command line replaces."""
+    before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.fixture
+def refusal(handlers: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Refusal:
+    """Return a function that runs `thumper` with wrong arguments and returns its one line."""
+    del handlers
+
+    def run(*arguments: str) -> str:
+        monkeypatch.setattr(sys, "argv", ["thumper", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            app.main()
+        assert ended.value.code == EXIT_USAGE
+        printed = capsys.readouterr()
+        assert printed.out == ""
+        (line,) = printed.err.splitlines()
+        return line
+
+    return run
+
+
+@pytest.mark.parametrize("words", [*commands(typer.main.get_command(app.build_app()))], ids=" ".join)
+def test_unknown_option_of_each_command(refusal: Refusal, words: tuple[str, ...]) -> None:
+    name = " ".join(words)
+    assert refusal(*words, "--xyzzy") == (
+        f"thumper: {name}: no such option --xyzzy; see `thumper {name} --help`"
+    )
+
+
+@pytest.mark.parametrize(
+    ("typed", "line"),
+    [
+        ("got 1 2", "thumper: no such command 'got'; did you mean 'goto'? See `thumper --help`"),
+        ("tune recrod", "tune: no such command 'recrod'; did you mean 'record'? See `thumper tune --help`"),
+        ("run --gaol 1 2", "run: no such option --gaol; did you mean --goal or --patrol? See `thumper run"),
+        ("goto 1 -0.5 --tolerence=1", "goto: no such option --tolerence; did you mean --tolerance? See"),
+        ("goto -1 north", "goto: invalid value for 'Y': 'north' is not a number; see `thumper goto --help`"),
+        ("goto north 1", "'north' is not a number; a goal is X Y or the name of a place"),
+        ("run --goal 1", "run: option '--goal' requires 2 arguments; see `thumper run --help`"),
+        ("tune --lane", "tune: option '--lane' requires an argument; see `thumper tune --help`"),
+        ("run --tolerance 7", "run: invalid value for '--tolerance': '7' should be less than or equal to 1;"),
+        ("run --goal a b", "run: invalid value for '--goal': 'a' should be a valid number; see"),
+        ("plan", "plan: missing argument 'MAP.yaml'; see `thumper plan --help`"),
+        ("watch stauts", "unknown topic 'stauts'; did you mean 'status'?"),
+        ("watch xyzzy", "unknown topic 'xyzzy'; choose from: scan, imu,"),
+    ],
+)
+def test_mistyped_words(refusal: Refusal, typed: str, line: str) -> None:
+    assert line in refusal(*typed.split())
+
+
+@pytest.mark.parametrize(
+    ("answer", "status", "line"),
+    [
+        (KeyboardInterrupt, EXIT_INTERRUPTED, ""),
+        (EOFError, EXIT_USAGE, "thumper: nobody answers the question; pass --yes to skip it"),
+    ],
+)
+@pytest.mark.usefixtures("handlers")
+def test_question_without_an_answer(
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    answer: type[BaseException],
+    status: int,
+    line: str,
+) -> None:
+    def ask() -> None:
+        typer.confirm("Is it free?")
+
+    def readline(*_: object) -> str:
+        raise answer
+
+    monkeypatch.setattr(app, "COMMANDS", {"ask": ask})
+    monkeypatch.setattr(sys, "argv", ["thumper", "ask"])
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(readline=readline))
+    with pytest.raises(SystemExit) as ended:
+        app.main()
+    assert ended.value.code == status
+    assert capsys.readouterr().err.strip() == line
