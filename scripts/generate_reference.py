@@ -21,6 +21,7 @@ import typer.main
 from annotated_types import Ge, Gt, Interval, Le, Lt, MaxLen, MinLen
 
 from thumper.cli.app import PANELS, build_app
+from thumper.common.strict_toml import STATED
 from thumper.config.robot import RobotConfig
 
 PAGES = Path(__file__).resolve().parents[1] / "docs" / "reference"
@@ -121,6 +122,8 @@ def _tables(of: type, name: str, default: Any) -> Iterator[tuple[str, list[tuple
     effects = _effects(of)
     rows, below = [], []
     for field in fields(of):
+        if field.name == STATED:
+            continue
         hint, value = hints[field.name], getattr(default, field.name)
         if is_dataclass(_bare(hint)):
             below.append((_bare(hint), f"{name}.{field.name}".lstrip("."), value))

@@ -9,6 +9,7 @@ from typing import get_type_hints
 import pytest
 
 from tests.meta.freshness import check
+from thumper.common.strict_toml import STATED
 from thumper.config.robot import RobotConfig
 
 ROOT = Path(__file__).parents[2]
@@ -54,7 +55,7 @@ def keys_of(table: type, name: str = "") -> Iterator[tuple[str, str]]:
     for field in fields(table):
         if is_dataclass(hints[field.name]):
             yield from keys_of(hints[field.name], f"{name}.{field.name}".lstrip("."))
-        else:
+        elif field.name != STATED:
             yield name, field.name
 
 

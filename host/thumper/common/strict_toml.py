@@ -15,6 +15,8 @@ from thumper.common.texts import choice_hint
 from thumper.common.toml_file import load_toml
 
 T = TypeVar("T")
+STATED = "stated"
+"""Field of an options class for the keys that the file sets; no key itself."""
 
 
 def read_checked(
@@ -42,7 +44,7 @@ def read_checked(
         ) from error
     except ValueError as error:
         raise ThumperError(f"{path}: not valid TOML: {error}", exit_code=EXIT_USAGE) from error
-    _refuse_unknown_keys(data, options_type, path, "", removed)
+    _check_keys(data, options_type, path, "", removed)
     try:
         # Through JSON, because strict mode accepts a table for a dataclass only there.
         return adapter.validate_json(json.dumps(data, default=str), strict=True)
@@ -56,11 +58,15 @@ def read_checked(
         raise ThumperError(f"{path}: {setting}: {reason}", exit_code=EXIT_USAGE) from error
 
 
-def _refuse_unknown_keys(
+def _check_keys(
     table: dict[str, Any], options_type: type, path: Path, prefix: str, removed: Mapping[str, str]
 ) -> None:
-    """Raise for the first unknown key: pydantic ignores unknown keys of plain dataclasses."""
+    """Raise for the first unknown key: pydantic ignores unknown keys of plain dataclasses.
+
+    Add the keys of a table that wants to know them as its value `stated`.
+    """
     types = get_type_hints(options_type)
+    wants_keys = types.pop(STATED, None) is not None
     for key, value in table.items():
         if key not in types:
             if reason := removed.get(f"{prefix}{key}"):
@@ -68,6 +74,8 @@ def _refuse_unknown_keys(
             hint = choice_hint(key, sorted(types))
             raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=EXIT_USAGE)
         if isinstance(value, dict) and is_dataclass(types[key]):
-            _refuse_unknown_keys(value, cast("type", types[key]), path, f"{prefix}{key}.", removed)
+            _check_keys(value, cast("type", types[key]), path, f"{prefix}{key}.", removed)
         elif isinstance(value, float) and not math.isfinite(value):
             raise ThumperError(f"{path}: {prefix}{key} = {value}: give a finite number", exit_code=EXIT_USAGE)
+    if wants_keys:
+        table[STATED] = list(table)

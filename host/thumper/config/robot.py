@@ -37,6 +37,12 @@ class DriveOptions(DriveGeometry):
     """Geometry of the drive, and the highest wheel speed to command."""
 
     max_wheel_rad_s: Annotated[float, Gt(0), Le(17)] = 13.0  # highest wheel speed to command
+    stated: tuple[str, ...] = field(default=(), compare=False)
+    """Keys that the file sets, even to their defaults; not a key itself. The board supplies the others."""
+
+    def states(self, key: str) -> bool:
+        """Return whether the value of `key` is the robot's own, and not just the default."""
+        return key in self.stated or getattr(self, key) != getattr(DriveGeometry(), key)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

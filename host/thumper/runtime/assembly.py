@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
 
 from thumper.board.board import Board
 from thumper.board.gyroscope import check_gyroscope
@@ -16,12 +15,11 @@ from thumper.camera.frame import CameraFrame
 from thumper.camera.tag_tracker import TagTracker
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
-from thumper.common.kinematics import DriveGeometry
 from thumper.common.sensor import ReopenedSensor
 from thumper.common.serial_port import check_port_exists
 from thumper.common.signals import record_interrupts
 from thumper.common.stamps import epoch_ns_at
-from thumper.config.robot import RobotConfig
+from thumper.config.robot import DriveOptions, RobotConfig
 from thumper.gps.earth_reference import EarthReference, MapDatum
 from thumper.gps.fix import FixStatus
 from thumper.lidar.driver import LidarDriver
@@ -61,8 +59,6 @@ from thumper.slam.factory import make_mapper
 from thumper.slam.mode_switch import SlamModeSwitch
 from thumper.slam.mounting import MountCheck
 from thumper.slam.saved_state import SavedSlamState
-
-Drive = TypeVar("Drive", bound=DriveGeometry)
 
 FIX_TIMEOUT_S, SAMPLE_TIMEOUT_S = 60.0, 3.0
 GYROSCOPE_TIMEOUT_S = 1.5  # opening the port resets the board, which starts its gyroscope within 0.6 s
@@ -371,16 +367,17 @@ def _report_motors_off() -> Iterator[None]:
 
 EFFECTIVE_TRACKS = 0.9, 2.5
 """Least and largest effective track, in distances between the wheels: 1.5 here, 1 without slip."""
+GEOMETRY = ("track_m", "counts_per_rev", "wheel_radius_m")
+"""What the board also knows; settled once it has answered, so a different board later is a contradiction."""
 
 
-def geometry_of(drive: Drive, identity: Identity) -> Drive:
-    """Return the geometry, the board's where the configuration has the defaults.
+def geometry_of(drive: DriveOptions, identity: Identity) -> DriveOptions:
+    """Return the geometry, the board's where the configuration states nothing.
 
     Refuses a contradiction: the board converts counts to speeds, which would be wrong. The track of the
     configuration is the effective one, which slip makes up to twice that of the board.
     """
-    default = DriveGeometry()
-    if drive.track_m == default.track_m and identity.track_mm != parameter_named("track").default:
+    if not drive.states("track_m") and identity.track_mm != parameter_named("track").default:
         drive = replace(drive, track_m=identity.track_mm / 1000.0)
     least, most = EFFECTIVE_TRACKS
     if not least <= drive.track_m / (identity.track_mm / 1000.0) <= most:
@@ -389,9 +386,9 @@ def geometry_of(drive: Drive, identity: Identity) -> Drive:
             f"{1000.0 * drive.track_m:.0f} mm: correct [drive], or set track on the board",
             exit_code=EXIT_USAGE,
         )
-    if drive.counts_per_rev == default.counts_per_rev:
+    if not drive.states("counts_per_rev"):
         drive = replace(drive, counts_per_rev=identity.counts_per_rev)
-    if drive.wheel_radius_m == default.wheel_radius_m:
+    if not drive.states("wheel_radius_m"):
         drive = replace(drive, wheel_radius_m=identity.wheel_radius_mm / 1000.0)
     wheel_radius_mm = round(1000.0 * drive.wheel_radius_m)
     if (identity.counts_per_rev, identity.wheel_radius_mm) != (drive.counts_per_rev, wheel_radius_mm):
@@ -401,7 +398,7 @@ def geometry_of(drive: Drive, identity: Identity) -> Drive:
             f"{wheel_radius_mm} mm: correct [drive], or set counts_per_rev and wheel_radius on the board",
             exit_code=EXIT_USAGE,
         )
-    return drive
+    return replace(drive, stated=GEOMETRY)
 
 
 def warm_up(config: RobotConfig) -> None:

@@ -31,10 +31,13 @@ def test_keys_are_read(tmp_path: Path) -> None:
 
 def test_configuration_survives_a_recording(tmp_path: Path) -> None:
     text = (
-        'name = "mole"\n[lidar]\nmodel = "ld19"\n[mapping]\nmethod = "rbpf"\n[navigation]\nplanner="navfn"\n'
+        'name = "mole"\n[drive]\ntrack_m = 0.3675\n[lidar]\nmodel = "ld19"\n'
+        '[mapping]\nmethod = "rbpf"\n[navigation]\nplanner="navfn"\n'
     )
     config = load_config(written(tmp_path, text))
-    assert config_from_json(config_to_json(config)) == config != RobotConfig()
+    read = config_from_json(config_to_json(config))
+    assert read == config != RobotConfig()
+    assert read.drive.stated == config.drive.stated == ("track_m",)
 
 
 def test_masks_are_relative_to_the_file(tmp_path: Path) -> None:
@@ -51,6 +54,7 @@ def test_masks_are_relative_to_the_file(tmp_path: Path) -> None:
         ("[board]\nbaud = 115200\n", ["board.baud", "115200", "500000"]),
         ("[drive]\nwheel_radius = 0.06\n", ["drive.wheel_radius", "wheel_radius_m"]),
         ("[drives]\n", ["drives", "drive"]),
+        ('[drive]\nstated = ["track_m"]\n', ["unknown key drive.stated"]),
         ("[mapping.matching]\nspeed = 1\n", ["mapping.matching.speed"]),
         ("board = 3\n", ["board", "3"]),
         ('[navigation]\nplanner = "warp"\n', ["navigation", "no planner 'warp'", "astar"]),

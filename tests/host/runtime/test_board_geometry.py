@@ -1,12 +1,13 @@
 """The robot takes encoder and wheels from the board, unless the configuration sets them."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from thumper.board.messages import BoardModel, Identity, ParameterSource, ResetCause
 from thumper.common.errors import ThumperError
-from thumper.common.kinematics import DriveGeometry
+from thumper.config.robot import DriveOptions, load_config
 from thumper.runtime.assembly import geometry_of
 
 BOARD = Identity(
@@ -28,30 +29,51 @@ BOARD = Identity(
 
 
 def test_defaults_follow_the_board() -> None:
-    found = geometry_of(DriveGeometry(track_m=0.2), BOARD)
-    assert found == DriveGeometry(wheel_radius_m=0.033, counts_per_rev=1920, track_m=0.2)
+    found = geometry_of(DriveOptions(track_m=0.2), BOARD)
+    assert (found.wheel_radius_m, found.counts_per_rev, found.track_m) == (0.033, 1920, 0.2)
 
 
 def test_the_track_follows_the_board() -> None:
-    assert geometry_of(DriveGeometry(), BOARD).track_m == 0.16
+    assert geometry_of(DriveOptions(), BOARD).track_m == 0.16
 
 
 @pytest.mark.parametrize("track_m", [0.14, 0.41])
 def test_a_track_that_slip_cannot_explain_is_refused(track_m: float) -> None:
     with pytest.raises(ThumperError, match="the board is set to a track of 160 mm, the configuration says"):
-        geometry_of(DriveGeometry(track_m=track_m), BOARD)
+        geometry_of(DriveOptions(track_m=track_m), BOARD)
 
 
 def test_a_calibrated_radius_stays() -> None:
-    assert geometry_of(DriveGeometry(wheel_radius_m=0.0328), BOARD).wheel_radius_m == 0.0328
+    assert geometry_of(DriveOptions(wheel_radius_m=0.0328), BOARD).wheel_radius_m == 0.0328
 
 
-@pytest.mark.parametrize("drive", [DriveGeometry(wheel_radius_m=0.04), DriveGeometry(counts_per_rev=1000)])
-def test_a_contradiction_is_refused(drive: DriveGeometry) -> None:
+@pytest.mark.parametrize("drive", [DriveOptions(wheel_radius_m=0.04), DriveOptions(counts_per_rev=1000)])
+def test_a_contradiction_is_refused(drive: DriveOptions) -> None:
     with pytest.raises(ThumperError, match="the board is set to 1920 counts per revolution"):
         geometry_of(drive, BOARD)
 
 
 def test_the_default_robot_keeps_its_defaults() -> None:
     board = replace(BOARD, counts_per_rev=1200, wheel_radius_mm=62, track_mm=245)
-    assert geometry_of(DriveGeometry(), board) == DriveGeometry()
+    assert geometry_of(DriveOptions(), board) == DriveOptions()
+
+
+@pytest.mark.parametrize(
+    ("line", "board"),
+    [
+        ("counts_per_rev = 1200", BOARD),
+        ("wheel_radius_m = 0.062", BOARD),
+        ("track_m = 0.3675", replace(BOARD, track_mm=100)),
+    ],
+)
+def test_a_default_that_the_file_states_is_no_default(line: str, board: Identity, tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(f"[drive]\n{line}\n", encoding="utf-8")
+    with pytest.raises(ThumperError, match="the board is set to"):
+        geometry_of(load_config(path).drive, board)
+
+
+def test_after_the_first_board_another_one_is_a_contradiction() -> None:
+    settled = geometry_of(DriveOptions(), replace(BOARD, counts_per_rev=1200, wheel_radius_mm=62))
+    with pytest.raises(ThumperError, match="the board is set to 1920 counts per revolution"):
+        geometry_of(settled, BOARD)
