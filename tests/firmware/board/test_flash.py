@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.firmware.board.boot import BROKEN_OPTIBOOT, HEX, chip_with_bootloader
+from thumper.board.firmware_image import firmware_image
 from thumper_hil.chip.chip import ChipError
 from thumper_hil.chip.hex_file import read_hex
 from thumper_hil.chip.instrumented_chip import ATMEGABOOT
@@ -49,7 +50,7 @@ def test_the_flashed_robot_answers() -> None:
     assert "verified" in result.stdout
     assert "firmware 0." in result.stdout
     assert "TREX" in result.stdout
-    start, image = read_hex(HEX)
+    start, image = read_hex(firmware_image("trex", "hex"))
     assert chip.read_flash(start, len(image)) == image
     boot_start, boot_image = read_hex(ATMEGABOOT)
     assert chip.read_flash(boot_start, len(boot_image)) == boot_image

@@ -72,6 +72,16 @@ def test_the_largest_inputs_saturate_in_the_right_direction(core: ctypes.CDLL) -
             assert pwm == sign * 255
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_integral_is_exact_close_to_its_limit(core: ctypes.CDLL, sign: int) -> None:
+    """The limit compares the upper half of the integral only."""
+    chip, limit = core.pi_new(), sign * 255 * 2**19
+    against = -sign * 2**20  # a feed-forward that keeps the output from saturating, which would freeze it
+    for ki, error, expected in ((15_729, 17_000, limit), (100, -1, limit - sign * 100), (100, 3, limit)):
+        core.pi_step(chip, 0, ki, sign * error, against, 0)
+        assert core.pi_integral(chip) == expected
+
+
 def test_only_the_integral_freezes_while_saturated(core: ctypes.CDLL) -> None:
     """The thesis's code froze the whole output, so P was stale until the error changed sign."""
     chip = core.pi_new()
