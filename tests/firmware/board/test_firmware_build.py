@@ -5,6 +5,9 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from benchmarks.firmware import size_of, size_without
+
+from tests.firmware.board.boot import ELF
 
 FIRMWARE = Path(__file__).parents[3] / "firmware"
 
@@ -45,6 +48,10 @@ def test_no_register_is_a_template_argument(folder: str) -> None:
     """gcc 7, which PlatformIO ships, rejects a register address as a constant there; gcc 5 accepts it."""
     for source in (FIRMWARE / folder).glob("*.[ch]pp"):
         assert not re.search(r"<[^<>;]*_SFR_(IO|MEM)_ADDR", source.read_text()), source
+
+
+def test_the_gyroscope_needs_at_most_900_bytes_of_flash() -> None:
+    assert 500 < size_of(ELF)[0] - size_without("gyroscope")[0] <= 900
 
 
 def test_changed_options_rebuild_and_the_same_options_do_not(tmp_path: Path) -> None:
