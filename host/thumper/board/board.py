@@ -34,6 +34,7 @@ from thumper.common.kinematics import WheelSpeeds
 from thumper.common.serial_port import SerialPort, open_port
 
 REPLY_TIMEOUT_S = 0.1
+SAVE_TIMEOUT_S = 1.0  # a byte of the EEPROM takes 3.4 ms; a request that is repeated saves again
 REQUEST_TRIES = 5
 BATTERY_RETRY_S = 0.1  # after a reset the board answers before it has measured its battery
 STOP_TIMEOUT_S = 2.0
@@ -251,8 +252,9 @@ class Board:
     def _request_ack(self, request: Message, what: str) -> None:
         """Send a request until it is acknowledged; `what` names it in error messages."""
         refusal = ""
+        saves = request == CommandRequest(command=Command.SAVE)
         for _ in range(REQUEST_TRIES):
-            reply, _ = self._request(request, Ack)
+            reply, _ = self._request(request, Ack, SAVE_TIMEOUT_S if saves else REPLY_TIMEOUT_S)
             if isinstance(reply, Ack):
                 if reply.status is AckStatus.OK:
                     return
@@ -264,12 +266,14 @@ class Board:
             raise ThumperError(f"the board refused the {what}: {refusal}")
         raise ThumperError(f"the board did not answer the {what}; is the cable loose?")
 
-    def _request(self, request: Message, reply_type: type[Message]) -> tuple[Message | None, int]:
+    def _request(
+        self, request: Message, reply_type: type[Message], timeout_s: float = REPLY_TIMEOUT_S
+    ) -> tuple[Message | None, int]:
         """Send once and wait; return the reply to this request, and the number of bytes received."""
         sequence = self._send(request)
         self._replies.clear()
         received = 0
-        deadline_s = self.now_s() + REPLY_TIMEOUT_S
+        deadline_s = self.now_s() + timeout_s
         while self.now_s() < deadline_s:
             received += self._receive(deadline_s - self.now_s())
             for reply in self._replies:

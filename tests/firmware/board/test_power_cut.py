@@ -21,10 +21,10 @@ from thumper_hil.chip.chip_faults import FaultyChip
 from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.chip.robot_params import RobotParams
 
-STEP_S = 2e-5
-"""Shorter than a pass of the main loop, which writes at most one byte."""
+STEP_S = 1e-3
+"""Shorter than the writing of one byte."""
 
-SAVE_S = 0.2
+SAVE_S = 0.3
 TORN = (0x00, 0x55, 0xFF)
 """Possible values of the interrupted byte, besides its old and its new value."""
 

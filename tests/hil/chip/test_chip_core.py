@@ -30,6 +30,16 @@ def test_adc_samples_at_conversion_start(build_avr: BuildAvr, even_params: Robot
     assert band_gap == int(1.1 / 5.0 * 1024)
 
 
+def test_an_eeprom_write_takes_its_time(build_avr: BuildAvr) -> None:
+    """EEPE stays set for 3.4 ms, and a byte written meanwhile is lost."""
+    chip = Chip(build_avr("eeprom"))
+    run_for(chip, 0.01)
+    reply = chip.receive(6)
+    took, first, second = (int.from_bytes(reply[i : i + 2], "little") for i in (0, 2, 4))
+    assert took * 256 / CPU_HZ == pytest.approx(3.4e-3, abs=3e-5)
+    assert (first, second) == (0x55, 0xFF)
+
+
 def test_pending_interrupt_ends_sleep_at_once(build_avr: BuildAvr) -> None:
     """`sei; sleep` with a pending interrupt must not sleep until the next event."""
     chip = Chip(build_avr("doze"))

@@ -30,6 +30,7 @@ namespace reg {
 constexpr uint16_t kPinB = 0x23, kDdrB = 0x24, kPortB = 0x25;
 constexpr uint16_t kDdrC = 0x27, kPortC = 0x28;
 constexpr uint16_t kPinD = 0x29, kDdrD = 0x2A, kPortD = 0x2B;
+constexpr uint16_t kEecr = 0x3F;
 constexpr uint16_t kAdcL = 0x78, kAdcH = 0x79, kAdcsrA = 0x7A, kAdmux = 0x7C;
 constexpr uint16_t kTimsk0 = 0x6E, kTimsk1 = 0x6F;
 constexpr uint16_t kTccr2A = 0xB0, kTccr2B = 0xB1, kOcr2A = 0xB3, kOcr2B = 0xB4;

@@ -47,6 +47,7 @@ Chip::Chip(const std::string& elf_path, const PlantParams* plant_params, const W
   FixPhaseCorrectPwm(avr_);
   uart_.emplace(avr_, seed);
   watchdog_.emplace(avr_);
+  eeprom_.emplace(avr_);
   if (plant_params != nullptr) {
     plant_.emplace(avr_, *plant_params, wiring, seed);
     adc_.emplace(avr_, *plant_);

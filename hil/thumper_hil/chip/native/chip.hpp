@@ -5,6 +5,7 @@
 
 #include "adc_latch.hpp"
 #include "avr.hpp"
+#include "eeprom_time.hpp"
 #include "plant.hpp"
 #include "twi_bus.hpp"
 #include "uart_line.hpp"
@@ -73,6 +74,7 @@ class Chip {
   std::optional<AdcLatch> adc_;
   std::optional<TwiBus> twi_;
   std::optional<WatchdogFix> watchdog_;
+  std::optional<EepromTime> eeprom_;
   uint64_t resets_ = 0, slept_cycles_ = 0;
 };
 
