@@ -162,6 +162,7 @@ int main() {
   left_encoder.Reset(PIND);
   right_encoder.Reset(PINB);
   pins::StartInputs();
+  Mpu6050::Start();
   adc.Start();
   uart.Start();
   clock::Start();

@@ -14,6 +14,12 @@
 /// The pins stay untouched while the parameter `gyroscope` is 0.
 class Mpu6050 {
  public:
+  /// Make both pins inputs: a restart may come in the middle of a transfer.
+  static void Start() {
+    TWCR = 0;
+    DDRC &= static_cast<uint8_t>(~(1 << PC5));
+  }
+
   /// True if Step() is due. Then the main loop must not sleep.
   bool due() const { return busy_ != 0 && (TWCR & 1 << TWINT) != 0; }
 
@@ -160,8 +166,7 @@ class Mpu6050 {
   }
 
   __attribute__((noinline)) void Miss() {
-    TWCR = 0;  // the pins become inputs
-    DDRC &= static_cast<uint8_t>(~(1 << PC5));
+    Start();
     busy_ = 0;
     phase_ = kMissing;
     wait_ = kRetry_ms;

@@ -79,6 +79,10 @@ class FaultyChip(InstrumentedChip):
         """Let the gyroscope hold SDA low for `pulses` clock pulses; -1: for ever, 0: let it go."""
         self._library.thumper_hold_twi_data(self._handle, pulses)
 
+    def hold_twi_clock(self, *, held: bool) -> None:
+        """Let the gyroscope hold SCL low, or let it go."""
+        self._library.thumper_hold_twi_clock(self._handle, int(held))
+
     def move_currents(self, *, left_channel: int) -> None:
         """Connect the current sensors to this ADC channel and the next one; the old ones read zero."""
         self._library.thumper_move_currents(self._handle, left_channel)

@@ -113,6 +113,7 @@ def load_library() -> ctypes.CDLL:
         "power_gyroscope": (None, [chip, ctypes.c_int]),
         "freeze_gyroscope": (None, [chip, ctypes.c_int]),
         "hold_twi_data": (None, [chip, ctypes.c_int]),
+        "hold_twi_clock": (None, [chip, ctypes.c_int]),
         "move_currents": (None, [chip, ctypes.c_int]),
         "line_noise": (None, [chip, number, number]),
         "hang": (None, [chip, ctypes.c_int]),

@@ -35,6 +35,8 @@ SET_AT_START = {
     **dict.fromkeys((0x68, 0x6B, 0x6D), 0xFF),  # PCICR, PCMSK0, PCMSK2
     **dict.fromkeys((0xC1, 0xC2, 0xC4, 0xC5), 0xFC),  # UCSR0B, UCSR0C, UBRR0
     **dict.fromkeys((0x4A, 0x4B), 0xFF),  # GPIOR1, GPIOR2: indices of the serial port's rings
+    0x27: 1 << 5,  # DDRC: the gyroscope's SCL
+    0xBC: 0b0100_0101,  # TWCR
     0x53: 0b1110,  # SMCR: the sleep mode
 }
 """Registers and their bits that the start must set."""

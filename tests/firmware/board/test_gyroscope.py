@@ -132,10 +132,16 @@ def hold_data(chip: FaultyChip) -> None:
     chip.hold_twi_data(pulses=-1)
 
 
+def hold_clock(chip: FaultyChip) -> None:
+    chip.fit_gyroscope()
+    chip.hold_twi_clock(held=True)
+
+
 ABSENT: dict[str, Callable[[FaultyChip], None]] = {
     "absent": lambda chip: None,
     "another device": lambda chip: chip.fit_gyroscope(identity=0x00),
     "data line held low": hold_data,
+    "clock line held low": hold_clock,
 }
 
 
@@ -163,6 +169,7 @@ def plug(chip: FaultyChip) -> None:
 BREAKS: dict[str, tuple[Callable[[FaultyChip], None], Callable[[FaultyChip], None]]] = {
     "unplugged": (unplug, plug),
     "data line held low": (lambda c: c.hold_twi_data(pulses=-1), lambda c: c.hold_twi_data(pulses=0)),
+    "clock line held low": (lambda c: c.hold_twi_clock(held=True), lambda c: c.hold_twi_clock(held=False)),
     "frozen": (lambda c: c.freeze_gyroscope(frozen=True), lambda c: c.freeze_gyroscope(frozen=False)),
 }
 

@@ -28,6 +28,8 @@ void thumper_fit_gyroscope(Chip* chip, double bias_deg_s, int upside_down, int i
 void thumper_power_gyroscope(Chip* chip, int on) { chip->twi().device().SetPower(on != 0); }
 void thumper_freeze_gyroscope(Chip* chip, int frozen) { chip->twi().device().SetFrozen(frozen != 0); }
 void thumper_hold_twi_data(Chip* chip, int pulses) { chip->twi().device().HoldData(pulses); }
+
+void thumper_hold_twi_clock(Chip* chip, int held) { chip->twi().device().HoldClock(held != 0); }
 void thumper_move_currents(Chip* chip, int left_channel) { chip->plant()->MoveCurrents(left_channel); }
 void thumper_line_noise(Chip* chip, double loss, double flip) { chip->uart().SetNoise(loss, flip); }
 void thumper_hang(Chip* chip, int interrupts_off) { chip->Hang(interrupts_off != 0); }

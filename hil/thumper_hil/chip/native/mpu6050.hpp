@@ -33,7 +33,10 @@ class Mpu6050 {
 
   /// Hang in the middle of a byte with the data line low, for this many clock pulses; negative: for ever.
   void HoldData(int pulses) { held_pulses_ = pulses; }
+  /// Stretch the clock without end.
+  void HoldClock(bool held) { clock_held_ = held; }
   bool holds_data() const { return held_pulses_ != 0; }
+  bool holds_clock() const { return clock_held_; }
   void ClockPulse() {
     if (held_pulses_ > 0) --held_pulses_;
   }
@@ -115,6 +118,7 @@ class Mpu6050 {
   Random random_;
   bool fitted_ = false, powered_ = false, frozen_ = false, upside_down_ = false, expects_register_ = false;
   int held_pulses_ = 0;
+  bool clock_held_ = false;
   uint8_t pointer_ = 0, identity_ = 0;
   uint8_t registers_[128];
   double bias_deg_s_ = 0.0, yaw_rad_s_ = 0.0, filtered_deg_s_ = 0.0, sampled_s_ = 0.0;

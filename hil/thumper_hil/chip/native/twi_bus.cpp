@@ -74,6 +74,7 @@ avr_cycle_count_t TwiBus::OnDone(avr_t* avr, avr_cycle_count_t when, void* self)
   TwiBus* bus = static_cast<TwiBus*>(self);
   uint8_t& data = avr->data[reg::kTwdr];
   const uint8_t control = avr->data[reg::kTwcr];
+  if (bus->device_.holds_clock()) return when + bus->BitCycles();
   switch (bus->doing_) {
     case Doing::kStart: {
       if (bus->device_.holds_data()) return when + bus->BitCycles();  // the bus is not free
@@ -133,7 +134,7 @@ bool TwiBus::ClockIsLow() const {
 void TwiBus::OnClockPin(avr_t*, avr_io_addr_t, uint8_t, void* self) {
   TwiBus* bus = static_cast<TwiBus*>(self);
   const bool low = bus->ClockIsLow();
-  if (bus->clock_low_ && !low) bus->device_.ClockPulse();
+  if (bus->clock_low_ && !low && !bus->device_.holds_clock()) bus->device_.ClockPulse();
   bus->clock_low_ = low;
 }
 

@@ -9,8 +9,8 @@ namespace thumper {
 ///
 /// Replaces simavr's interface, which takes constant times and knows no bus that is busy. Timing: a bit is
 /// `16 + 2 TWBR 4^TWPS` cycles, a byte nine bits (ATmega328P data sheet, 22.5.2). While the device holds the
-/// data line low, no start condition completes. With the interface off, clock pulses on the port's pin reach
-/// the device.
+/// data line low, no start condition completes; while it holds the clock low, nothing does. With the
+/// interface off, clock pulses on the port's pin reach the device.
 class TwiBus {
  public:
   TwiBus(avr_t* avr, const Plant* plant, uint64_t seed);
