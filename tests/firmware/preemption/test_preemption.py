@@ -69,12 +69,12 @@ GUARDS: dict[str, Guard] = {
         "board/beeper.hpp",
     ),
     "register that the I2C interrupt saves": Guard(
-        sensors_go_on, '"pop r24\\n\\t"', "", '"pop r0\\n\\t"', Interrupt.I2C, "board/mpu6050.hpp"
+        sensors_go_on, '"pop r24\\n\\t"', "crashed", '"pop r0\\n\\t"', Interrupt.I2C, "board/mpu6050.hpp"
     ),
     "register that the analogue interrupt leaves alone": Guard(
         sensors_go_on,
         "adc.ConvertAxis();",
-        "",
+        "crashed",
         'adc.ConvertAxis(); __asm__ volatile("clr r9");',
         Interrupt.ANALOGUE,
     ),
