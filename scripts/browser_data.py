@@ -9,7 +9,7 @@ import tomllib
 from dataclasses import asdict
 from pathlib import Path
 
-from thumper.board.fault_texts import FAULT_HINTS
+from thumper.board.fault_texts import FAULT_HINTS, FAULT_NAMES
 from thumper_hil.chip.robot_params import RobotParams
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -29,7 +29,9 @@ def main() -> None:
     data = {
         "robot": tables(RobotParams.load()),
         "protocol": tomllib.loads((ROOT / "firmware/protocol/messages.toml").read_text(encoding="utf-8")),
-        "faults": {fault.name: hint for fault, hint in FAULT_HINTS.items()},
+        "faults": {
+            fault.name: {"name": FAULT_NAMES[fault], "hint": hint} for fault, hint in FAULT_HINTS.items()
+        },
     }
     for name, content in data.items():
         (folder / f"{name}.json").write_text(json.dumps(content), encoding="utf-8")

@@ -12,6 +12,7 @@ DOCS = ROOT / "docs"
 DRAWINGS = sorted(path.name for path in (DOCS / "images").glob("*.svg") if "<text" in path.read_text())
 COMMAND = re.compile(r"(thumper [a-z]|make |pytest |sudo |git |pip |cd |source |\.venv/)")
 CLEAR_PX = 6
+POOR = (Path(__file__).parent / "contrast.js").read_text(encoding="utf-8")
 FENCE = re.compile(r"^ *```.*?^ *```$", re.DOTALL | re.MULTILINE)
 
 COLLISIONS = """(clear_px) => {
@@ -153,6 +154,22 @@ def test_first_page_fits_the_window_and_its_buttons_lead_on(
         expect(button).to_be_in_viewport(ratio=1)
         target = (button.get_attribute("href") or "").removeprefix("index.html")
         assert page.locator(target).count() == 1 if target.startswith("#") else (pages / target).exists()
+    page.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("name", ["index.html", "notebooks/odometry.html", "navigation.html"])
+def test_text_and_pictures_can_be_read(browser: Browser, site: Path, name: str, scheme: str) -> None:
+    """In the dark scheme drawings and charts are dark, too; the paragraph signs appear under the pointer."""
+    page = browser.new_page(viewport={"width": 1440, "height": 900}, color_scheme=scheme)  # type: ignore[arg-type]
+    page.goto((site / name).as_uri())
+    poor = [line for line in page.evaluate(POOR) if not line.startswith(("¶", "no name"))]
+    assert poor == []
+    filters = page.evaluate(
+        "[...document.querySelectorAll('article img')].map((i) => getComputedStyle(i).filter)"
+    )
+    assert filters
+    assert {text.startswith("invert") for text in filters} == {scheme == "dark"}
     page.close()
 
 

@@ -9,7 +9,8 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.dashboard.built_site import build_robot
-from thumper.board.messages import PARAMETERS
+from thumper.board.fault_texts import FAULT_NAMES
+from thumper.board.messages import PARAMETERS, Fault
 
 FIRST_MOTION_MS = 10_000
 MAX_BYTES = 1_000_000
@@ -113,7 +114,8 @@ def test_supervisor_stops_the_robot_and_the_page_names_the_fault(
     expect(front_page.locator(".robot-fault")).to_be_hidden()
     front_page.locator(f"[data-break={button}]").click()
     wait(front_page, f"now.state === 'FAULT' && /^({fault})$/.test(now.fault)")
-    expect(front_page.locator(".robot-fault b")).to_have_text(re.compile(f"^({fault})$"))
+    names = "|".join(FAULT_NAMES[Fault[name]] for name in fault.split("|"))
+    expect(front_page.locator(".robot-fault b")).to_have_text(re.compile(f"^({names})$"))
     expect(front_page.locator(".robot-fault")).to_be_visible()
     wait(
         front_page,

@@ -82,8 +82,9 @@ function showState(find, { newest, pose }, rate) {
   find("[data-chip=state]").dataset.fault = broken;
   if (!broken) return;
   find(".robot-hint").hidden = true;
-  text(".robot-fault b", newest.fault);
-  text(".robot-fault span", faults[newest.fault]);
+  const { name, hint } = faults[newest.fault];
+  text(".robot-fault b", name);
+  text(".robot-fault span", hint);
 }
 
 start(document.getElementById("robot"));
