@@ -58,12 +58,8 @@ def plan(
 
     Example: `thumper plan map.yaml --start 0 0 --goal 2.0 0.5 --png path.png`
     """
-    from thumper.cli.plan_queries import PlanQuery, QueryPlanner, read_queries, to_csv
     from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.config.robot import load_config
-    from thumper.maps.annotations import annotations_path, load_annotations
     from thumper.maps.map_server_io import load_map
-    from thumper.navigation.costmap.zones import zone_masks
 
     if batch is None and (start is None or goal is None):
         raise ThumperError(
@@ -73,9 +69,14 @@ def plan(
         raise ThumperError(
             "--batch has its own starts and goals: leave out --start, --goal and --png", exit_code=EXIT_USAGE
         )
+    grid = load_map(file)
+    from thumper.cli.plan_queries import PlanQuery, QueryPlanner, read_queries, to_csv  # slow: kernels
+    from thumper.config.robot import load_config
+    from thumper.maps.annotations import annotations_path, load_annotations
+    from thumper.navigation.costmap.zones import zone_masks
+
     settings = load_config(config)
     options = _options(settings.navigation, planner, unknown, {"keepout": keepout, "speed": speed_mask})
-    grid = load_map(file)
     zones = zone_masks(load_annotations(annotations_path(file)).zones)
     queries = read_queries(batch, grid) if batch else []
     if start and goal:
@@ -137,7 +138,8 @@ def _draw(grid: "OccupancyGrid", keepout: "Masks", answer: "PlanAnswer", png: Pa
     closed = keepout_cells(keepout, grid) & (grid.cells < KEEP_OUT_SHADE)
     grid = dataclasses.replace(grid, cells=np.where(closed, KEEP_OUT_SHADE, grid.cells).astype(np.int8))
     try:
-        plot_map(grid, np.empty((0, 2)) if answer.path_m is None else answer.path_m, png, title)
+        path_m = np.empty((0, 2)) if answer.path_m is None else answer.path_m
+        plot_map(grid, path_m, png, title, last="goal")
     except (OSError, ValueError) as error:
         raise ThumperError(
             f"{png}: cannot be written ({error}); choose another file with --png", exit_code=EXIT_USAGE

@@ -41,8 +41,11 @@ def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
 
 
-def plot_map(grid: OccupancyGrid, path_m: FloatArray, png_path: Path, title: str) -> None:
-    """Write a PNG of the known part of the map and the path, shape (n, 2) [m]."""
+def plot_map(grid: OccupancyGrid, path_m: FloatArray, png_path: Path, title: str, last: str = "end") -> None:
+    """Write a PNG of the known part of the map and the path, shape (n, 2) [m].
+
+    `last` names the path's last point.
+    """
     height, width = _known_part(grid).pixels.shape
     scale = max(1, LONG_SIDE_PX // max(height, width))  # whole pixels per cell: all cells look the same
     height_px, width_px = scale * height, scale * width
@@ -56,7 +59,7 @@ def plot_map(grid: OccupancyGrid, path_m: FloatArray, png_path: Path, title: str
     if path_m.shape[0]:
         axes.plot(path_m[:, 0], path_m[:, 1], color=PATH_COLOUR, linewidth=1.0, alpha=0.85, label="path")
         axes.plot(*path_m[0], "o", color=PATH_COLOUR, markersize=7, markerfacecolor="white", label="start")
-        axes.plot(*path_m[-1], "o", color=PATH_COLOUR, markersize=7, label="end")
+        axes.plot(*path_m[-1], "o", color=PATH_COLOUR, markersize=7, label=last)
         axes.legend(loc="upper right", frameon=True, framealpha=0.9)
     axes.set(title=title)
     axes.grid(color="#9fb0c0", linewidth=0.4, alpha=0.5)
