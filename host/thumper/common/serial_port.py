@@ -165,9 +165,10 @@ def _explain(error: Exception, name: str) -> str:
     """Return the cause of a failed open and how to fix it."""
     text = str(error)
     if isinstance(error, FileNotFoundError) or "No such file" in text:
+        url = "sim://" if name == "board" else f"sim://robot/{name}"
         return (
             "there is no such port; is it plugged in? `ls /dev/ttyUSB* /dev/ttyACM*` lists the ports, "
-            f"and sim://robot/{name} is a simulated one"
+            f"and {url} is a simulated one"
         )
     if isinstance(error, PermissionError) or "Permission denied" in text:
         return (

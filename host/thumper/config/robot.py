@@ -19,6 +19,7 @@ from thumper.common.strict_toml import read_checked
 from thumper.config.bus import ROBOT_NAME_PATTERN, BusOptions
 from thumper.config.dashboard import DashboardOptions
 from thumper.config.manual_drive import ManualDriveOptions
+from thumper.config.own_simulation import own_simulation
 from thumper.config.recording import RecordingOptions
 from thumper.config.ros import RosOptions
 from thumper.config.teleop import TeleopOptions
@@ -205,14 +206,15 @@ def config_from_json(text: str) -> RobotConfig:
 def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
     """Return the same robot on other ports; an empty port stays as configured.
 
-    A simulated board brings the other sensors with it.
+    A simulated board brings the other sensors with it; the board `sim://` the lidar, too.
 
     Raises
     ------
     ThumperError
         The ports belong to two simulated robots.
     """
-    board, lidar = board or config.board.port, lidar or config.lidar.port
+    board, lidar = own_simulation(board or config.board.port, lidar, config.lidar.model)
+    lidar = lidar or config.lidar.port
     check_same_robot(board, lidar)
     return replace(
         config,

@@ -26,14 +26,13 @@ from thumper.common.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, Twist2, wrap_angle
 from thumper.common.kinematics import WheelSpeeds
 from thumper.common.optional_packages import require_extra
-from thumper.config.robot import load_config
+from thumper.config.robot import load_config, with_ports
 from thumper.lidar.scan import Scan
 from thumper.maps.annotations import Annotations, annotations_path, load_annotations, save_annotations
 from thumper.maps.map_server_io import load_map, map_yaml_path, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.goal import check_place
 from thumper.robot import arguments
-from thumper.robot.ports import on_ports
 from thumper.runtime.assembly import collision_monitor, open_robot
 from thumper.runtime.drive import motions, tasks
 from thumper.runtime.drive.motions import Motion
@@ -98,7 +97,9 @@ class Robot:
                 exit_code=EXIT_USAGE,
             )
         path = arguments.file_path
-        self._config = on_ports(load_config(path("config", config) if config else None), board, lidar)
+        self._config = with_ports(
+            load_config(path("config", config) if config else None), board=board, lidar=lidar
+        )
         self._session = path("session", session) if session else None
         self._map = path("map", map) if map else None
         self._start = start if start or session or map else Pose2()
