@@ -18,13 +18,16 @@ def wrap_angle(angle_rad: float) -> float:
     return math.remainder(angle_rad, math.tau)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Pose2:
     """A pose in the plane. As a transform it maps points from the body's frame to the pose's frame."""
 
     x_m: float = 0.0
     y_m: float = 0.0
     theta_rad: float = 0.0
+
+    def __repr__(self) -> str:
+        return f"Pose2({self.x_m:.2f} m, {self.y_m:.2f} m, {math.degrees(self.theta_rad):.1f}°)"
 
     def __matmul__(self, other: "Pose2") -> "Pose2":
         """Compose: `a_from_b @ b_from_c` is `a_from_c`."""
@@ -55,9 +58,12 @@ class Pose2:
         return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Twist2:
     """Velocity of a differential-drive body: forward [m/s] and counter-clockwise [rad/s]."""
 
     v_m_s: float = 0.0
     w_rad_s: float = 0.0
+
+    def __repr__(self) -> str:
+        return f"Twist2({self.v_m_s:.2f} m/s, {self.w_rad_s:.2f} rad/s)"

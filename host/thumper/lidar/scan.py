@@ -8,7 +8,7 @@ from thumper.common.geometry import FloatArray
 from thumper.common.stamps import rounded_s
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Scan:
     """Ranges in the laser frame; beam i points at angle_min + i * angle_increment.
 
@@ -24,6 +24,11 @@ class Scan:
     time_increment_s: float = 0.0
     range_min_m: float = 0.02
     range_max_m: float = 5.6
+
+    def __repr__(self) -> str:
+        hits_m = self.ranges_m[np.isfinite(self.ranges_m)]
+        reach = f", {hits_m.min():.2f}...{hits_m.max():.2f} m" if hits_m.size else ""
+        return f"<Scan: {hits_m.size} returns of {self.ranges_m.size} beams{reach}>"
 
     def angles_rad(self) -> FloatArray:
         """Return the direction of each beam in the laser frame, shape (n,)."""

@@ -13,7 +13,7 @@ MAX_CELLS = 100_000_000  # that a file or message may hold: 500 m by 500 m at 5 
 CellArray = NDArray[np.int8]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class OccupancyGrid:
     """Cells, shape (rows, columns), int8: -1 unknown, else occupancy in percent (0 free ... 100 occupied).
 
@@ -26,7 +26,13 @@ class OccupancyGrid:
     origin_x_m: float
     origin_y_m: float
     # Not a parameter, so that `replace` does not copy it to a grid with other cells. Cells never change.
-    history: RenderHistory = field(default_factory=new_history, init=False, repr=False, compare=False)
+    history: RenderHistory = field(default_factory=new_history, init=False, compare=False)
+
+    def __repr__(self) -> str:
+        rows, columns = self.cells.shape
+        size = f"{columns * self.resolution_m:.1f} m x {rows * self.resolution_m:.1f} m"
+        known = 100.0 * np.mean(self.cells != UNKNOWN) if self.cells.size else 0.0
+        return f"<OccupancyGrid: {columns} x {rows} cells, {size}, {known:.0f} % known>"
 
     def with_history(self, history: RenderHistory) -> "OccupancyGrid":
         """Set where this grid differs from earlier renders of the same map; return it."""

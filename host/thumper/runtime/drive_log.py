@@ -41,7 +41,7 @@ class Thinned(list[T]):
             self._stride *= 2
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, repr=False)
 class DriveLog:
     """Log of all drives; `poses` and `speeds` return it as arrays. A long log becomes coarser, not longer."""
 
@@ -50,6 +50,9 @@ class DriveLog:
     # States of the navigator, and each new global plan, shape (n, 2) [m] in `map`.
     transitions: list[Transition] = field(default_factory=lambda: Thinned(MAX_ROWS))
     plans: list[FloatArray] = field(default_factory=lambda: Thinned(MAX_PLANS))
+
+    def __repr__(self) -> str:
+        return f"<DriveLog: {len(self._poses)} poses, {len(self._speeds)} speeds, {len(self.plans)} plans>"
 
     def add_pose(self, time_s: float, map_from_base: Pose2) -> None:
         """Add the estimated pose."""
