@@ -1,35 +1,9 @@
-"""The decorator of all compiled kernels: numba, cached on disk, single-threaded."""
+"""The decorator of all compiled kernels. Importing numba takes 0.5 s, so it waits for the first call."""
 
-import os
-import sys
 from collections.abc import Callable
-from contextlib import suppress
-from importlib import import_module
-from inspect import signature
-from pathlib import Path
-from typing import Any, ParamSpec, TypeVar, cast
-
-import numba
-from numba.core.caching import (
-    CacheImpl,
-    CompileResultCacheImpl,
-    FunctionCache,
-    IndexDataCacheFile,
-    _CacheLocator,
-)
-
-from thumper.common.kernel_files import choose_processor, kernel_folder, source_hash
-
-choose_processor()
-
-# Numba loads scipy.linalg to find out whether it exists: 16 MB and 0.1 s, for matrix products that no kernel
-# uses. Hide the module while numba looks.
-if "scipy.linalg" not in sys.modules:
-    sys.modules["scipy.linalg"] = None  # type: ignore[assignment]
-    try:
-        import_module("numba.np.arraymath")
-    finally:
-        del sys.modules["scipy.linalg"]
+from functools import update_wrapper
+from threading import RLock
+from typing import Any, Generic, ParamSpec, TypeVar
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -37,94 +11,43 @@ R = TypeVar("R")
 SHIP_VARIABLE = "THUMPER_SHIP_KERNELS"
 """If this environment variable is set, kernels are written to their package instead of the user's cache."""
 
-
-class ReadOnlyLocator(_CacheLocator):
-    """Where neither the package nor the user's cache can be written: kernels are read, but none is kept."""
-
-    def __init__(self, line: int) -> None:
-        self._line = line
-
-    def get_cache_path(self) -> str:
-        """Return a folder that does not exist."""
-        return str(Path(__file__).with_name("no-folder"))
-
-    def ensure_cache_path(self) -> None:
-        """Refuse to make it."""
-        raise OSError("no folder for compiled kernels can be written")
-
-    def get_source_stamp(self) -> str:
-        """Return nothing: `KernelCache` has its own stamps."""
-        return ""
-
-    def get_disambiguator(self) -> str:
-        """Return the first line, as numba's locators do."""
-        return str(self._line)
-
-    @classmethod
-    def from_function(cls, py_func: Any, py_file: str) -> "ReadOnlyLocator":
-        """Return a locator for any function."""
-        del py_file
-        return cls(py_func.__code__.co_firstlineno)
+_members: list[tuple[Callable[..., Any], type, Callable[..., Any]]] = []  # that numba does not know yet
+_lock = RLock()
 
 
-class KernelFiles(CompileResultCacheImpl):
-    """Numba's files, also where nothing can be written."""
+class Kernel(Generic[P, R]):
+    """A function that is compiled at its first call. Kernels can call it as they call each other."""
 
-    _locator_classes: Any = [*CacheImpl._locator_classes, ReadOnlyLocator]  # noqa: RUF012
+    def __init__(self, function: Callable[P, R]) -> None:
+        self._function = function
+        self._compiled: Callable[P, R] | None = None
+        update_wrapper(self, function)
 
+    def __call__(self, *arguments: P.args, **named: P.kwargs) -> R:
+        """Run the machine code."""
+        return (self._compiled or self.compiled)(*arguments, **named)
 
-class KernelCache(FunctionCache):
-    """Compiled kernels on disk: those of the package, which are only read, then those of the user.
+    @property
+    def compiled(self) -> Any:
+        """Numba's dispatcher of the function; the function itself if the compiler is disabled."""
+        with _lock:
+            if self._compiled is None:
+                from thumper.common import compiled_kernel
 
-    A kernel whose files cannot be read is compiled again: they name the classes of its arguments, and an
-    upgrade may rename them.
-    """
+                while _members:
+                    compiled_kernel.add_member(*_members.pop(0))
+                self._compiled = compiled_kernel.compiled(self._function)
+        return self._compiled
 
-    _impl_class = KernelFiles
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)  # type: ignore[no-untyped-call]
-        folder = kernel_folder(function.__module__)
-        user = self._file(self._cache_path)
-        shipped = user if folder is None else self._file(str(folder))
-        self._is_shipping = SHIP_VARIABLE in os.environ
-        self._written = shipped if self._is_shipping else user
-        self._read = (shipped,) if self._is_shipping else (shipped, user)
-
-    def _file(self, folder: str) -> IndexDataCacheFile:
-        stamp = source_hash(self._py_func.__module__)
-        return IndexDataCacheFile(folder, self._impl.filename_base, stamp)  # type: ignore[no-untyped-call]
-
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled function for these types; None: compile it."""
-        for file in self._read:
-            self._cache_file = file
-            try:
-                found = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
-            except Exception:  # an old or damaged pickle can raise anything
-                found = None
-                if file is self._written:
-                    with suppress(OSError):
-                        self.flush()  # type: ignore[no-untyped-call]  # writes an empty index
-            if found is not None:
-                return found
-        return None
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Write the compiled function, if there is room."""
-        self._cache_file = self._written
-        with suppress(OSError):
-            if self._is_shipping:
-                Path(self._cache_file._cache_path).mkdir(parents=True, exist_ok=True)
-            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+    @property
+    def _numba_type_(self) -> Any:
+        """What numba takes this object for where a kernel refers to it."""
+        return self.compiled._numba_type_
 
 
-def kernel(function: Callable[P, R]) -> Callable[P, R]:
+def kernel(function: Callable[P, R]) -> Kernel[P, R]:
     """Compile `function` to machine code at its first call. Later processes load it from disk."""
-    compiled: Any = numba.njit(nogil=True)(function)
-    if compiled is not function:  # the compiler is not disabled
-        compiled._cache = KernelCache(function)
-    return cast("Callable[P, R]", compiled)
+    return Kernel(function)
 
 
 def member(generic: Callable[..., R], kind: type) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -133,15 +56,8 @@ def member(generic: Callable[..., R], kind: type) -> Callable[[Callable[P, R]], 
     `kind` is a named tuple. The compiler chooses, so the choice costs nothing when the kernel runs.
     """
 
-    from numba.extending import overload  # after the lines above that hide scipy.linalg
-
     def add(function: Callable[P, R]) -> Callable[P, R]:
-        def choose(first: object, *others: object) -> Callable[P, R] | None:
-            del others
-            return function if getattr(first, "instance_class", None) is kind else None
-
-        choose.__signature__ = signature(function)  # type: ignore[attr-defined]  # the compiler compares it
-        overload(generic)(choose)
+        _members.append((generic, kind, function))
         return function
 
     return add

@@ -2,8 +2,8 @@
 
 import multiprocessing
 
+from thumper.common.compiled_kernel import KernelCache
 from thumper.common.geometry import Pose2
-from thumper.common.numba_kernel import KernelCache
 from thumper.config.robot import RobotConfig, with_ports
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer

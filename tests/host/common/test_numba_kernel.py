@@ -25,7 +25,7 @@ def area(field):
 if __name__ == "__main__":
     import program
 
-    print(program.area(program.Field(21)), sum(program.area.stats.cache_hits.values()))
+    print(program.area(program.Field(21)), sum(program.area.compiled.stats.cache_hits.values()))
 """
 
 

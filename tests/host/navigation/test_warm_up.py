@@ -18,15 +18,15 @@ NOT_IN_THE_LOOP = {
 }
 WARM = """
 import sys
-from numba.core.dispatcher import Dispatcher
+from thumper.common.numba_kernel import Kernel
 from thumper.config.robot import RobotConfig
 from thumper.runtime.assembly import warm_up
 
 warm_up(RobotConfig())
 for name, module in list(sys.modules.items()):
     for value in vars(module).values() if name.startswith("thumper.") else ():
-        if isinstance(value, Dispatcher):
-            print(value.py_func.__module__, value.py_func.__name__, len(value.signatures))
+        if isinstance(value, Kernel):
+            print(value.__module__, value.__name__, len(value.compiled.signatures))
 """
 
 
