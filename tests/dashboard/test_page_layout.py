@@ -39,6 +39,11 @@ def test_low_screen_shows_everything(page: Page) -> None:
         box = page.locator(name).bounding_box()
         assert box is not None
         assert box["y"] + box["height"] <= 600, name
+    lefts_px = page.locator(".tp-toolbar button").evaluate_all(
+        "all => all.map((one) => one.getBoundingClientRect().left)"
+    )
+    assert len(lefts_px) > 5
+    assert len(set(lefts_px)) == 1  # one column
     page.click("text=Wheels")
     expect(charts).to_be_visible()
     page.locator(".tp-charts > div").last.scroll_into_view_if_needed()

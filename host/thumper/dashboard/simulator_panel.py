@@ -36,6 +36,10 @@ class SimulatorPanel:
                 ui.html("Add a pillar", tag="span", sanitize=False)
             with button("tp-plain").on("click", partial(self._send, {"clear_pillars": True})):
                 ui.html("Remove all pillars", tag="span", sanitize=False)
+        inline(
+            '<p class="tp-hint">Another world: start the robot with '
+            "<code>thumper run --ui --board 'sim://?world=hall'</code>.</p>"
+        )
         inline("<h2>Faults</h2>")
         with box("tp-faultrow"):
             self._name = (
