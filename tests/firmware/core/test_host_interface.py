@@ -150,6 +150,8 @@ def test_low_battery_stops_and_holds_until_charged(core: ctypes.CDLL, host: Host
     assert host.status()[0] is m.State.FAULT, "only a command re-arms"
     assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK
     assert host.command(m.Command.ARM) is m.AckStatus.OK
+    assert sum(core.host_battery(host.handle, 6300) for _ in range(200)) == 1, "empty again"
+    assert host.status()[:2] == (m.State.FAULT, m.Fault.LOW_BATTERY)
 
 
 def test_a_stop_voltage_above_the_one_for_arming_still_stops(core: ctypes.CDLL) -> None:

@@ -44,6 +44,8 @@ def ticks_q8(kv: int, ka: int) -> int:
 
 @pytest.mark.parametrize(("kv", "ka"), [(0, 1000), (1000, 0), (0, 0), (61, 1), (2560, LEAST_TICKS_Q8 - 1)])
 def test_no_model_below_a_sixth_of_a_tick(core: ctypes.CDLL, kv: int, ka: int) -> None:
+    old = model(core, 1000, 1000)  # stays in memory
+    assert 0 not in (old.lead, old.decay, old.mean)
     assert model(core, kv, ka) == Model(lead=0, decay=0, mean=0)
 
 

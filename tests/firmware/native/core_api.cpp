@@ -33,7 +33,7 @@ using Quadrature = fw::QuadratureDecoder<0x03>;
 
 /// out: kp, ki, friction, kv, lead, decay, mean, ramp step.
 void Derive(const fw::Parameters& parameters, uint16_t battery_mV, int32_t* out) {
-  fw::WheelConfig config;
+  static fw::WheelConfig config;  // as on the chip, the last constants are still in it
   parameters.Derive(battery_mV, &config);
   const auto& f = config.feed_forward;
   const int32_t all[] = {config.pi.kp, config.pi.ki, f.friction, f.kv,

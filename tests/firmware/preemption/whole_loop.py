@@ -67,7 +67,8 @@ PHASES: dict[str, Phase] = {
         (Identify(), GetParameter(index=3), GetParameter(index=99), CommandRequest(command=99))  # type: ignore[arg-type]
     ),
     "parameters": Phase((SetParameter(index=0, value=900), SetParameter(index=0, value=-1))),
-    "save": Phase((CommandRequest(command=Command.SAVE),), window_s=0.3),
+    "save": Phase((CommandRequest(command=Command.SAVE),)),
+    "whole save": Phase((CommandRequest(command=Command.SAVE),), drives=False, window_s=0.3),
     "disarm": Phase((CommandRequest(command=Command.DISARM),)),
     "stop": Phase(
         (CommandRequest(command=Command.E_STOP), CommandRequest(command=Command.CLEAR_FAULT)),
