@@ -56,7 +56,7 @@ def test_nothing_arms_the_board_between_two_parameters_of_the_robot(service: Ser
 def test_the_wheels_are_compared_with_the_parameters_of_the_board(service: Service) -> None:
     assert service.ask("wheels/state") == {
         "ok": True,
-        "text": "not determined yet",
+        "text": "not determined yet; drive at several speeds",
         "drift": "",
         "values": {},
     }
@@ -69,6 +69,9 @@ def test_the_wheels_are_compared_with_the_parameters_of_the_board(service: Servi
     assert monitor.feed_forward.kv == pytest.approx(kv + 2.0, abs=0.01)
     service.ask("parameters/revert")
     assert monitor.feed_forward.kv == pytest.approx(kv)
+    nothing = WheelEstimate(gain=None, time_constant_s=None, friction=None)
+    monitor.estimate = DriveTrainEstimate(mean=nothing, left=nothing, right=nothing)
+    assert service.ask("wheels/state")["text"] == "not determined yet; drive at several speeds"
     wheels = WheelEstimate(gain=Estimate(0.05, 1e-4), time_constant_s=None, friction=Estimate(40.0, 0.5))
     monitor.estimate = DriveTrainEstimate(mean=wheels, left=wheels, right=wheels)
     reply = service.ask("wheels/state")

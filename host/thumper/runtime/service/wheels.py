@@ -16,6 +16,7 @@ QUANTITIES = (
     ("time_constant_s", "time_constant_s", "time constant", 1e3, "ms"),
     ("friction", "friction_pwm", "friction", 1.0, "PWM"),
 )  # field, key, text, and the scale and unit of the text
+NOT_YET = "not determined yet; drive at several speeds"
 
 
 def describe(estimator: StateEstimator) -> WheelsState:
@@ -24,7 +25,7 @@ def describe(estimator: StateEstimator) -> WheelsState:
     estimate = None if monitor is None else monitor.estimate
     if monitor is None or estimate is None:
         failure = "" if monitor is None else monitor.failure
-        return WheelsState(text="not determined yet", drift=failure, values={})
+        return WheelsState(text=NOT_YET, drift=failure, values={})
     values: dict[str, float] = {}
     for side in ("mean", "left", "right"):
         for field, key, *_ in QUANTITIES:
@@ -57,6 +58,8 @@ def take_parameters(estimator: StateEstimator, values: Mapping[str, float]) -> N
 
 
 def _text(wheels: WheelEstimate) -> str:
+    if wheels.gain is wheels.time_constant_s is wheels.friction is None:
+        return NOT_YET
     parts = []
     for field, _, name, scale, unit in QUANTITIES:
         found = getattr(wheels, field)
