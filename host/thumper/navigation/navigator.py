@@ -117,7 +117,7 @@ class Navigator:
         """Start driving to a goal; replaces the current goal."""
         self._active = self._parts.activate(goal)
         self._state, self._reason = NavigationState.NAVIGATING, ""
-        self._parts.path.clear()
+        self._parts.path.start_goal()
         self._parts.follower.reset()
         self._parts.watchdog.reset()
 

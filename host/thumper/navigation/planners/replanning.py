@@ -25,12 +25,18 @@ BLOCKED_PERIOD_S = 0.3  # least time between two plans while the path is blocked
 # look too narrow, the controller gets more time.
 BLOCKED_S, NARROW_S = 0.5, 2.0
 SURE_FRACTION = 0.5  # an obstacle nearer to the path than this part of the inscribed radius surely blocks it
-CHEAPER_SEARCHES = 3  # in a row must find a cheaper path before it replaces the kept one
+# So many searches in a row must find a cheaper path on another side before it replaces the kept one. Each
+# change of side on the way to a goal doubles it: a doorway that looks free only from afar must not send the
+# robot back and forth.
+CHEAPER_SEARCHES, MAX_DOUBLINGS = 3, 6
 HALF_CELL = 0.5  # an obstacle is up to this far from the middle of its cell
 MAX_CURVE_RAD = 0.25 * math.pi  # a path that begins further to the side needs a turn on the spot
 MAX_PATH_DISTANCE_M = 0.40  # a robot further from its path than this needs a new one
 # A blocked path is kept this long while there is no other: one noisy scan must not stop the robot.
 BLOCKED_GRACE_S = 1.0
+# While something moves, a blocked path is kept for as long as the detour would take at this speed, at most
+# MAX_KEPT_S.
+DETOUR_PACE_M_S, MAX_KEPT_S = 0.4, 5.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,10 +68,16 @@ class PathManager:
         self._circumscribed_m = footprint.circumscribed_radius_m
         self.path_m: FloatArray | None = None  # shape (n, 2)
         self.reason = ""  # why there is no path, or where it ends if not at the goal
-        self.keeps = True  # a path for some time; False: another replaces it at once, if blocked or dearer
+        self.keeps = True  # a path for some time; False: something moves, a clearly cheaper path replaces it
         self._search = SlicedSearch[PlanResult]()  # of a new path; takes several cycles in a large map
         self._planned_s = self._valid_s = self._open_s = -math.inf
         self._cheaper_count = 0  # searches in a row that found a clearly cheaper path
+        self._side_changes = 0  # on the way to this goal
+
+    def start_goal(self) -> None:
+        """Forget the path to the last goal, and how often it changed."""
+        self.clear()
+        self._side_changes = 0
 
     def clear(self) -> None:
         """Forget the path; the next `update` plans."""
@@ -113,7 +125,13 @@ class PathManager:
             ):
                 self._planned_s = -math.inf
                 return
-        if self.path_m is None or invalid or self._is_better(new_m, costmap, map_from_base):
+        if invalid:
+            is_taken = self._is_worth_the_detour(new_m, time_s, map_from_base)
+        else:
+            is_taken = self._is_better(new_m, costmap, map_from_base)
+        if is_taken:
+            if self.path_m is not None and not is_same_side(new_m, self._joined(map_from_base), costmap):
+                self._side_changes += 1
             self.path_m, self.reason = new_m, result.reason
             self._valid_s = self._open_s = time_s
             self._cheaper_count = 0
@@ -142,6 +160,18 @@ class PathManager:
         if blockage is Blockage.NONE:
             self._valid_s = time_s
         return time_s - self._open_s >= BLOCKED_S - TINY_S or time_s - self._valid_s >= NARROW_S - TINY_S
+
+    def _is_worth_the_detour(self, new_m: FloatArray, time_s: float, base: Pose2) -> bool:
+        """Return whether a path replaces one that is missing, left or blocked.
+
+        Somebody in a doorway may go on at once, or stand there. To wait for as long as the detour takes costs
+        at most twice the time of the better choice (ski rental: Karlin et al., "Competitive Snoopy Caching",
+        1988).
+        """
+        if self.path_m is None or self.keeps or self._is_left(self.path_m, base):
+            return True
+        detour_m = float(arc_lengths(new_m)[-1]) - self.remaining_m(base)
+        return time_s - self._valid_s >= min(detour_m / DETOUR_PACE_M_S, MAX_KEPT_S) - TINY_S
 
     def _blockage(
         self, path_m: FloatArray, costmap: Costmap, base: Pose2, window: Costmap | None
@@ -198,20 +228,23 @@ class PathManager:
         On the same side of all obstacles it must be clearly cheaper. On another side it must have been so in
         several searches in a row: noise must not send the robot back and forth.
         """
-        assert self.path_m is not None
-        joined_m = np.vstack(((base.x_m, base.y_m), self.path_m))
+        joined_m = self._joined(base)
         new_cost = self._planner.path_cost_m(costmap, new_m)
         old_cost = self._planner.path_cost_m(costmap, joined_m)
         is_cheaper = new_cost < (1.0 - self._options.better_by) * old_cost
-        if not self.keeps:
-            return is_cheaper
-        if math.isinf(old_cost):  # blocked, perhaps only by noise: no time to compare
+        if self.keeps and math.isinf(old_cost):  # blocked, perhaps only by noise: no time to compare
             return False
         if is_cheaper and is_same_side(new_m, joined_m, costmap):
             return True
-        is_cheaper = is_cheaper and self._can_turn_to(new_m, costmap, base)
+        is_cheaper = is_cheaper and (not self.keeps or self._can_turn_to(new_m, costmap, base))
         self._cheaper_count = self._cheaper_count + 1 if is_cheaper else 0
-        return self._cheaper_count >= CHEAPER_SEARCHES
+        searches = (CHEAPER_SEARCHES if self.keeps else 1) << min(self._side_changes, MAX_DOUBLINGS)
+        return self._cheaper_count >= searches
+
+    def _joined(self, base: Pose2) -> FloatArray:
+        """Return the path from the robot on, shape (n, 2)."""
+        assert self.path_m is not None
+        return np.vstack(((base.x_m, base.y_m), self.path_m))
 
 
 def _pruned(path_m: FloatArray, map_from_base: Pose2) -> FloatArray:

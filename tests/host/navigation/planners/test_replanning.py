@@ -13,7 +13,13 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.astar import AStarPlanner
 from thumper.navigation.planners.polyline import resample
-from thumper.navigation.planners.replanning import BLOCKED_S, NARROW_S, PathManager, ReplanningOptions
+from thumper.navigation.planners.replanning import (
+    BLOCKED_S,
+    MAX_KEPT_S,
+    NARROW_S,
+    PathManager,
+    ReplanningOptions,
+)
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
 
 ROBOT, GOAL = Pose2(x_m=3.1, y_m=1.0), Goal(x_m=3.1, y_m=5.0)
@@ -94,14 +100,26 @@ def test_a_narrow_path_gets_more_time_and_a_cheaper_one_must_stay_cheaper() -> N
         time_s += seconds
     assert found == ["right", "right", "left"]
     assert door_after(manager, time_s, 1.5, doors(), robot, goal) == "left"
-    assert door_after(manager, time_s + 1.5, 3.0, doors(), robot, goal) == "right"
+    assert door_after(manager, time_s + 1.5, 5.0, doors(), robot, goal) == "right"
 
 
-def test_a_path_is_not_kept_while_something_moves() -> None:
+@pytest.mark.parametrize(
+    ("robot", "goal", "kept_s", "lost_s"),
+    [
+        (ROBOT, GOAL, 0.2, 1.2),
+        (Pose2(x_m=4.0, y_m=2.2), Goal(x_m=4.0, y_m=3.9), MAX_KEPT_S - 0.3, MAX_KEPT_S + 0.5),
+    ],
+)
+def test_while_something_moves_the_robot_waits_as_long_as_the_detour_takes(
+    robot: Pose2, goal: Goal, kept_s: float, lost_s: float
+) -> None:
+    """Seen from ROBOT the way through the other door is a few centimetres longer, right before a door far."""
     manager = PathManager(AStarPlanner(TraversalCostOptions()), ReplanningOptions(), Footprint())
     manager.keeps = False
-    assert door_after(manager, 0.0, PERIOD_S, doors(), ROBOT, GOAL) == "right"
-    assert door_after(manager, 1.0, PERIOD_S, doors(right_open=False), ROBOT, GOAL) == "left"
+    closed = doors(right_open=False)
+    assert door_after(manager, 0.0, PERIOD_S, doors(), robot, goal) == "right"
+    assert door_after(manager, PERIOD_S, kept_s, closed, robot, goal) == "right"
+    assert door_after(manager, PERIOD_S + kept_s, lost_s - kept_s, closed, robot, goal) == "left"
 
 
 def test_a_cheaper_path_on_the_same_side_is_taken_at_once() -> None:
