@@ -81,9 +81,12 @@ def sim(
     ] = "lab",
     seed: Seed = 1,
     start: Annotated[
-        tuple[float, float, float],
-        typer.Option(metavar="X Y DEGREES", help="Start pose: X and Y in metres, heading in degrees."),
-    ] = (0.0, 0.0, 0.0),
+        tuple[float, float, float] | None,
+        typer.Option(
+            metavar="X Y DEGREES",
+            help="Start pose: X and Y in metres, heading in degrees; default: 0 0 0, in a house its own.",
+        ),
+    ] = None,
     reset_on_open: Annotated[
         bool,
         typer.Option(
@@ -120,9 +123,7 @@ def sim(
         {
             "world": world,
             "seed": str(seed),
-            "x_m": str(start[0]),
-            "y_m": str(start[1]),
-            "yaw_deg": str(start[2]),
+            **(dict(zip(("x_m", "y_m", "yaw_deg"), map(str, start), strict=True)) if start else {}),
             "scenario": scenario,
             "lidar": lidar,
             "preset": preset,

@@ -11,6 +11,7 @@ from thumper.common.geometry import Pose2
 from thumper.common.texts import choice_hint
 from thumper_hil.effects.friction import floors
 from thumper_hil.effects.preset import PRESETS
+from thumper_hil.world.house import house_mission, house_number
 
 FULL_TURN_DEG = 360.0
 FIX_KINDS = ("autonomous", "sbas", "rtk")
@@ -47,7 +48,7 @@ class BenchOptions:
 
     @classmethod
     def parse(cls, options: Mapping[str, str]) -> Self:
-        """Parse the options of a URL.
+        """Parse the options of a URL; without a start pose a robot in a house starts where its mission does.
 
         Raises
         ------
@@ -84,6 +85,10 @@ class BenchOptions:
                 raise ThumperError(
                     f"simulator option {name}={text}: {error}", exit_code=EXIT_USAGE
                 ) from error
+        house = house_number(str(values.get("world", "")))
+        if house is not None and not values.keys() & {"x_m", "y_m", "yaw_deg"}:
+            start = house_mission(house).start
+            values |= {"x_m": start.x_m, "y_m": start.y_m, "yaw_deg": math.degrees(start.theta_rad)}
         return cls(**values)  # type: ignore[arg-type]  # each reader returns its field's type
 
 

@@ -12,6 +12,7 @@ from thumper.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from thumper_hil.bench import Bench
 from thumper_hil.bench.collision import FOOTPRINT_M
 from thumper_hil.bench.options import BenchOptions
+from thumper_hil.world.house import house_mission
 from thumper_hil.world.start_pose import invalid_start_reason
 from thumper_hil.world.world import World
 
@@ -83,3 +84,11 @@ def test_bench_reports_an_invalid_start_in_one_line(x_m: float, words: str) -> N
         Bench(BenchOptions(world="lab", x_m=x_m, y_m=1.6))
     assert "\n" not in str(caught.value)
     assert caught.value.exit_code == 2
+
+
+def test_a_robot_in_a_house_starts_where_its_mission_does() -> None:
+    start, of_mission = BenchOptions.parse({"world": "house-3"}).start, house_mission(3).start
+    assert (start.x_m, start.y_m) == (of_mission.x_m, of_mission.y_m)
+    assert start.theta_rad == pytest.approx(of_mission.theta_rad)
+    assert BenchOptions.parse({"world": "house-3", "x_m": "1"}).start == Pose2(x_m=1.0)
+    assert BenchOptions.parse({"world": "hall"}).start == Pose2()
