@@ -23,6 +23,7 @@ from thumper.camera.options import CameraOptions
 from thumper.common.geometry import Pose2
 from thumper.config.recording import RecordingOptions
 from thumper.config.robot import RobotConfig, with_ports
+from thumper.doctor.sensor_checks import check_sensors
 from thumper.recording.reader import Recording
 from thumper.recording.start_stop import recording_control
 from thumper.ros.codec import Message
@@ -116,6 +117,16 @@ def test_the_robot_drives_to_an_object_that_it_has_seen(tmp_path: Path) -> None:
         assert 0.4 < ahead_m < 0.65  # from the robot's centre, which is 0.21 m behind its front
         assert abs(math.atan2(left_m, ahead_m)) < 0.2
         assert service.bench.contacts == 0
+
+
+def test_the_doctor_says_what_the_detector_finds(tmp_path: Path) -> None:
+    settings = config("doctor-objects", tmp_path)
+    *_, check = check_sensors(settings, seconds=0.5)
+    assert (check.verdict, check.what) == ("pass", "detector: finds 3 kinds of object: chair, plant, cup")
+    Path(settings.camera.detector).unlink()
+    *_, check = check_sensors(settings, seconds=0.5)
+    assert check.verdict == "fail"
+    assert "colours.onnx: no such file; correct [camera] detector" in check.fix
 
 
 def test_objects_are_in_the_status_and_in_the_recording(tmp_path: Path) -> None:

@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 from typing import Any
 
+from thumper.camera.detector import open_detector
 from thumper.camera.frame import CameraFrame
+from thumper.camera.options import CameraOptions
 from thumper.common.errors import ThumperError
 from thumper.common.sensor import Sensor
 from thumper.config.robot import RobotConfig
@@ -13,6 +15,7 @@ from thumper.gps.fix import Fix, FixStatus
 from thumper.runtime.sensor_table import KINDS
 
 TIMEOUT_S = 2.0
+SHOWN_LABELS = 5
 NO_FIX = "put the antenna under open sky, away from walls, and wait a minute"
 
 
@@ -32,6 +35,19 @@ def check_sensors(config: RobotConfig, *, seconds: float) -> Iterator[Check]:
             yield Check(verdict="fail", what=kind.name, fix=str(error))
         finally:
             sensor.close()
+    if config.camera.enabled and config.camera.detector:
+        yield _check_detector(config.camera)
+
+
+def _check_detector(camera: CameraOptions) -> Check:
+    """Load the object detector, which `thumper run` would refuse at its start."""
+    try:
+        labels = open_detector(camera).labels
+    except ThumperError as error:
+        return Check(verdict="fail", what="detector", fix=str(error))
+    more = ", ..." if len(labels) > SHOWN_LABELS else ""
+    shown = ", ".join(labels[:SHOWN_LABELS])
+    return Check(verdict="pass", what=f"detector: finds {len(labels)} kinds of object: {shown}{more}")
 
 
 def _judge(name: str, sensor: Sensor[Any], expected_Hz: float | None, seconds: float) -> Check:
