@@ -31,9 +31,6 @@ def demo(
 
     from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.config.bus import BusOptions
-    from thumper.dashboard.process import dashboard_process
-    from thumper_hil.demo.run import run_demo
 
     if seeds > 1 and (realtime or ui):
         raise ThumperError(
@@ -46,6 +43,10 @@ def demo(
         if not run_seeds(out, first_seed=seed, seeds=seeds, console=Console(), preset=preset):
             raise typer.Exit(1)
         return
+    from thumper.config.bus import BusOptions
+    from thumper.dashboard.process import dashboard_process
+    from thumper_hil.demo.run import run_demo
+
     with dashboard_process(None, BusOptions().address, wanted=ui):
         passed = run_demo(
             out, seed=seed, realtime=realtime or ui, on_the_bus=ui, console=Console(), preset=preset

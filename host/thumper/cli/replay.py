@@ -31,7 +31,6 @@ def replay(
     from thumper.common.geometry import Pose2
     from thumper.config.robot import load_config
     from thumper.maps.map_server_io import save_map
-    from thumper.maps.plot import plot_map
     from thumper.recording.reader import Recording, find_recordings
     from thumper.recording.replay import ReplayResult
     from thumper.recording.replay import replay as run
@@ -46,6 +45,8 @@ def replay(
         result: ReplayResult = replay_on_bus(recording, settings, bus, speed or 1.0)
     else:
         result = run(recording, settings, speed=speed)
+    from thumper.maps.plot import plot_map  # slow: matplotlib
+
     grid, path = result.mapper.grid(), result.path
     save_map(grid, out / "map.yaml")
     x_m, y_m, theta_rad = (float(value) for value in path[-1, 1:])

@@ -9,26 +9,10 @@ import resource
 import sys
 from pathlib import Path
 
-from numba.core import event
-
 from thumper.slam.factory import MappingOptions, Method, make_mapper
 
 INCOMPLETE = 3  # exit status: some kernels are not compiled yet
 MEMORY_LIMIT_MB = 210  # one more kernel takes up to 20
-
-
-class _MemoryLimit(event.Listener):
-    """Ends the process at the memory limit, but only after it has compiled a kernel."""
-
-    def __init__(self) -> None:
-        self._compiled = 0
-
-    def on_start(self, _event: event.Event) -> None:
-        if self._compiled and memory_MB() > MEMORY_LIMIT_MB:
-            os._exit(INCOMPLETE)
-
-    def on_end(self, _event: event.Event) -> None:
-        self._compiled += 1
 
 
 def memory_MB() -> float:
@@ -39,7 +23,21 @@ def memory_MB() -> float:
 
 def compile_kernels(method: Method) -> None:
     """Call every kernel of the method once."""
-    event.register("numba:compile", _MemoryLimit())  # type: ignore[no-untyped-call]
+    from numba.core import event
+
+    class MemoryLimit(event.Listener):
+        """Ends the process at the memory limit, but only after it has compiled a kernel."""
+
+        compiled = 0
+
+        def on_start(self, _event: event.Event) -> None:
+            if self.compiled and memory_MB() > MEMORY_LIMIT_MB:
+                os._exit(INCOMPLETE)
+
+        def on_end(self, _event: event.Event) -> None:
+            self.compiled += 1
+
+    event.register("numba:compile", MemoryLimit())  # type: ignore[no-untyped-call]
     make_mapper(MappingOptions(method=method)).warm_up()
 
 

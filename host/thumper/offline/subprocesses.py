@@ -4,9 +4,8 @@ import hashlib
 import subprocess
 import sys
 from contextlib import suppress
+from importlib.metadata import version
 from pathlib import Path
-
-import numba
 
 from thumper.common.errors import ThumperError
 from thumper.offline import compile_kernels
@@ -47,7 +46,7 @@ def compile_in_subprocess(method: Method) -> None:
 
     Ignores failures: the warm-up compiles what is missing.
     """
-    stats = getattr(correlative_search, "stats", None)
+    stats = getattr(correlative_search.compiled, "stats", None)
     if stats is None:
         return  # the compiler is disabled
     done = Path(stats.cache_path) / f"{method}-{_sources()}.compiled"
@@ -70,4 +69,4 @@ def _sources() -> str:
     package = Path(__file__).parents[1]
     sources = sorted(path for name in KERNEL_PACKAGES for path in (package / name).rglob("*.py"))
     states = [(path.name, path.stat().st_mtime_ns, path.stat().st_size) for path in sources]
-    return hashlib.sha256(repr((numba.__version__, states)).encode()).hexdigest()[:16]
+    return hashlib.sha256(repr((version("numba"), states)).encode()).hexdigest()[:16]

@@ -25,7 +25,7 @@ from thumper.slam.factory import MappingOptions, make_mapper
 from thumper.slam.scan_matching.correlative import correlative_search
 
 make_mapper(MappingOptions(method="scan_match")).warm_up()
-stats = correlative_search.stats
+stats = correlative_search.compiled.stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 """
 
