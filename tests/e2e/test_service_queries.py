@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from tests.e2e.service import FAR, Service
+from thumper.board.messages import Fault, State
 from thumper.common.kinematics import WheelSpeeds
 from thumper.odometry.drive_train import DriveTrainEstimate, Estimate, WheelEstimate
 from thumper.runtime.requests import GoTo, RobotCommand
@@ -108,8 +109,17 @@ def test_a_failed_save_is_not_reported_as_saved(service: Service) -> None:
     assert not service.ask("parameters/save")["ok"]
     assert saved not in service.events
     service.bench.fault("line.loss", 0.0)
-    assert service.ask("parameters/save")["ok"]
+    service.until(lambda: service.ask("parameters/save")["ok"])  # the board must be found again
     assert saved in service.events
+
+
+def test_a_save_while_armed_does_not_lose_the_link(service: Service) -> None:
+    """The first one writes every byte of an erased EEPROM, in 0.23 s."""
+    assert service.ask("command", {"command": "arm"})["ok"]
+    service.run_cycles(3)
+    assert service.ask("parameters/save")["ok"]
+    service.run_cycles(3)
+    assert (service.telemetry.state, service.telemetry.fault) == (State.CLOSED_LOOP, Fault.NONE)
 
 
 def test_parameter_queries_do_not_delay_the_wheels(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:

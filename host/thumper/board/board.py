@@ -2,7 +2,7 @@
 
 import struct
 from collections import deque
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 
 from thumper.board.clock import ClockFilter
@@ -34,7 +34,8 @@ from thumper.common.kinematics import WheelSpeeds
 from thumper.common.serial_port import SerialPort, open_port
 
 REPLY_TIMEOUT_S = 0.1
-SAVE_TIMEOUT_S = 1.0  # a byte of the EEPROM takes 3.4 ms; a request that is repeated saves again
+SAVE_POLL_S = 0.01
+SAVE_TIMEOUT_S = 0.5  # a byte of the EEPROM takes 3.4 ms; a request that is repeated saves again
 REQUEST_TRIES = 5
 BATTERY_RETRY_S = 0.1  # after a reset the board answers before it has measured its battery
 STOP_TIMEOUT_S = 2.0
@@ -153,6 +154,32 @@ class Board:
     def command(self, command: Command) -> None:
         """Change the board's state; raise `ThumperError` if it refuses or does not answer."""
         self._request_ack(CommandRequest(command=command), f"{command.name.lower()} command")
+
+    def save(self) -> Iterator[None]:
+        """Store the parameters in the board's EEPROM. Yields until it has: send commands and poll meanwhile.
+
+        It takes a quarter of a second, after which a board that receives no command stops the motors.
+
+        Raises
+        ------
+        ThumperError
+            The board refuses or does not answer.
+        """
+        request = CommandRequest(command=Command.SAVE)
+        for _ in range(REQUEST_TRIES):
+            sequence = self._send(request)
+            self._replies.clear()
+            deadline_s = self.now_s() + SAVE_TIMEOUT_S
+            while self.now_s() < deadline_s:
+                self._receive(SAVE_POLL_S)
+                for reply in self._replies:
+                    if isinstance(reply, Ack) and reply.request_seq == sequence:
+                        if reply.status is not AckStatus.OK:
+                            reason = REFUSAL_REASONS[reply.status]
+                            raise ThumperError(f"the board refused the save command: {reason}")
+                        return
+                yield
+        raise ThumperError("the board did not answer the save command; is the cable loose?")
 
     def emergency_stop(self) -> None:
         """Stop the motors and latch the stop. Repeats the command until the telemetry shows FAULT.

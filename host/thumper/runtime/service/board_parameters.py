@@ -82,7 +82,7 @@ def revert(board: Board) -> ParameterJob:
     return (yield from values(board))
 
 
-def save(board: Board) -> Empty:
+def save(board: Board) -> BoardJob[Empty]:
     """Store the current values, so that they survive a reset."""
-    board.command(Command.SAVE)
+    yield from board.save()
     return Empty()

@@ -273,9 +273,12 @@ class RequestHandler:
         self._publisher.publish_event(f"parameters set: {reply.values}")
         return reply
 
-    def _save_parameters(self, _request: Empty, _source: str) -> Empty:
+    def _save_parameters(self, _request: Empty, _source: str) -> BoardJob[Empty]:
         self._preconditions.require_stationary("save the parameters")
-        reply = board_parameters.save(self._drive_manager.board)
+        return self._save()
+
+    def _save(self) -> BoardJob[Empty]:
+        reply = yield from board_parameters.save(self._drive_manager.board)
         self._publisher.publish_event("parameters saved on the board")
         return reply
 
