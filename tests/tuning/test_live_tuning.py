@@ -79,7 +79,8 @@ def test_saved_gains_survive_later_changes(board: Board) -> None:
     with pytest.raises(ThumperError, match="still changing"):
         live.save()
     _drive(board, live, 2)
-    live.save()
+    for _ in live.save():
+        board.set_wheel_speeds(WheelSpeeds(left_rad_s=6.0, right_rad_s=6.0))
     live.set_gains(kp=3.0)
     _drive(board, live, 2)
     board.command(Command.DISARM)

@@ -4,13 +4,13 @@ The board's integral is in units of its output, so a change of `ki` causes no st
 feed-forward does. So gains change in small steps, one per tick, and the integral follows (bumpless transfer).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from typing import Annotated
 
 from annotated_types import Ge, Le
 
 from thumper.board.board import Board, TelemetrySample
-from thumper.board.messages import Command
 from thumper.common.errors import ThumperError
 from thumper_tuning.design.fixed_point import BoardGains, to_fixed_point
 from thumper_tuning.drive.board_gains import read_gains
@@ -102,8 +102,10 @@ class LiveTuning:
         """Ramp back to the original gains."""
         return self.set_gains(**dict(self.original.items()))
 
-    def save(self) -> None:
+    def save(self) -> Iterator[None]:
         """Save the board's parameters in its memory. `revert` still goes back to the original gains.
+
+        Yields until the board has written them: send commands meanwhile.
 
         Raises
         ------
@@ -113,7 +115,7 @@ class LiveTuning:
         """
         if self._ramp:
             raise ThumperError("the gains are still changing; save them after the ramp")
-        self._board.command(Command.SAVE)
+        return self._board.save()
 
     def _controller_state(self, sample: TelemetrySample) -> ControllerState:
         t, previous = sample.telemetry, self._previous
