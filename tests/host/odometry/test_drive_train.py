@@ -63,10 +63,11 @@ def driven(
     return [wheel_tick(sample.telemetry) for sample in samples]
 
 
-def estimated(samples: list[WheelTick]) -> DriveTrainEstimate:
+def estimated(samples: list[WheelTick], left: float = 1.0) -> DriveTrainEstimate:
+    """Return the estimate after these ticks, if the left bridge gives this share of its PWM."""
     estimator = DriveTrainEstimator(counts_per_rev=1200.0, delay_s=0.5 / 122)
     for tick in samples:
-        estimator.add(tick)
+        estimator.add(tick._replace(left_pwm=round(tick.left_pwm / left)))
     return estimator.estimate()
 
 
@@ -79,6 +80,19 @@ def test_sixty_seconds_of_curves_determine_the_wheels(seed: int) -> None:
     assert found.gain.value == pytest.approx(GAIN, rel=0.03)
     assert found.time_constant_s.value == pytest.approx(TIME_CONSTANT_S, rel=0.10)
     assert found.friction.value == pytest.approx(FRICTION_PWM, abs=2.0)
+
+
+@pytest.mark.parametrize("left", [1.0, 0.9])
+def test_curves_to_both_sides_determine_the_gain_of_each_side(left: float) -> None:
+    """The drive of seed 1 turns too little: its gains must be right or not determined."""
+    determined = 0
+    for seed in (1, 2, 3):
+        found = estimated(driven("ordinary", EQUAL, seed, 60.0), left)
+        for side, gain in ((found.left, left * GAIN), (found.right, GAIN)):
+            if side.gain is not None:
+                determined += 1
+                assert side.gain.value == pytest.approx(gain, rel=0.03)
+    assert determined >= 4
 
 
 def test_a_constant_speed_determines_nothing() -> None:
