@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
-from thumper_tuning.drive.verify import COLUMNS, TrackingError, tracking_error
-from thumper_tuning.report.text import tracking_change
+from thumper_tuning.design.fixed_point import BoardGains, to_fixed_point
+from thumper_tuning.design.gains import DesignOptions, design
+from thumper_tuning.drive.verify import COLUMNS, TrackingError, Verification, tracking_error
+from thumper_tuning.identify.model import MotorModel, Uncertainty
+from thumper_tuning.report.text import is_better, tracking_change
 
 
 def drive(std_rad_s: float, seed: int) -> TrackingError:
@@ -25,3 +28,41 @@ def test_noise_is_not_reported_as_an_effect() -> None:
     quiet = [tracking_change(drive(0.1, k), drive(0.1, k + 100)) for k in range(20)]
     assert sum("no change beyond the noise" in text for text in quiet) >= 17
     assert "noise" not in tracking_change(drive(0.1, 1), drive(0.2, 2))
+
+
+MODEL = MotorModel(gain=0.0584, time_constant_s=0.075, friction_forward=19.3, friction_backward=19.3)
+EXACT = Uncertainty(
+    gain=0.0, time_constant_s=0.0, friction=0.0, delay_s=0.0, friction_forward=0.0, friction_backward=0.0
+)
+DESIGN = design(MODEL, EXACT, DesignOptions())
+
+
+def verification(gains: BoardGains, *stds_rad_s: float) -> Verification:
+    """Return drives with these tracking errors, one per ramp."""
+    tracking = tuple(drive(std_rad_s, 1) for std_rad_s in stds_rad_s)
+    return Verification(gains=gains, rows=np.zeros((0, len(COLUMNS))), tracking=tracking)
+
+
+@pytest.mark.parametrize(
+    ("before_rad_s", "after_rad_s", "better"),
+    [
+        ((0.1, 0.1), (0.1, 0.1), False),
+        ((0.1, 0.1), (0.1, 0.05), True),
+        ((0.1, 0.1), (0.2, 0.05), False),
+        ((0.1, 0.1), (0.2, 0.2), False),
+    ],
+)
+def test_gains_are_better_if_a_ramp_is_and_none_is_worse(
+    before_rad_s: tuple[float, float], after_rad_s: tuple[float, float], better: bool
+) -> None:
+    before, after = verification(DESIGN.gains, *before_rad_s), verification(DESIGN.gains, *after_rad_s)
+    assert is_better(before, after, DESIGN) is better
+
+
+def test_gains_that_are_less_sensitive_or_accelerate_otherwise_are_better() -> None:
+    same = DESIGN.gains
+    near_ringing = to_fixed_point(**{**dict(same.items()), "kp": 3.0 * same.kp})
+    faster = to_fixed_point(**{**dict(same.items()), "acceleration": 2.0 * same.acceleration})
+    for old in (near_ringing, faster):
+        assert is_better(verification(old, 0.1), verification(same, 0.1), DESIGN)
+        assert not is_better(verification(old, 0.1), verification(same, 0.2), DESIGN)

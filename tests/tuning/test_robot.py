@@ -13,7 +13,7 @@ import serial
 from rich.console import Console
 
 from thumper.board.board import Board, TelemetrySample
-from thumper.board.messages import PARAMETERS, State
+from thumper.board.messages import PARAMETERS, Command, State
 from thumper.common.errors import ThumperError
 from thumper.recording.reader import Recording
 from thumper.ros.from_ros import telemetry_of
@@ -44,6 +44,7 @@ def positions_m(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 
 def test_one_command_tunes_the_robot(tmp_path: Path, positions_m: list[float]) -> None:
+    """The defaults are made for the simulated robot, so the board keeps them."""
     with (tmp_path / "out.txt").open("w") as text:
         tune_robot(
             "sim://tune_all/board?world=hall",
@@ -58,7 +59,8 @@ def test_one_command_tunes_the_robot(tmp_path: Path, positions_m: list[float]) -
     assert room is not None
     assert -float(room.group(2)) < min(positions_m)
     assert 1.6 < max(positions_m) < float(room.group(1)) == 1.8, "the lane that it asked for"
-    assert "saved the new gains on the board" in printed
+    assert printed.count("no change beyond the noise") == 2
+    assert "restored the old gains: the new ones are no better" in printed
     content = json.loads((tmp_path / "gains.json").read_text())
     assert content["Ms"] <= 1.65
     assert content["model"]["gain"] == pytest.approx(0.0584, rel=0.03)
@@ -78,6 +80,31 @@ def test_one_command_tunes_the_robot(tmp_path: Path, positions_m: list[float]) -
     assert "→" in verdict
     assert all(base64.b64decode(image).startswith(b"\x89PNG") for image in images)
     assert not re.search(r'(src|href)="http', page)
+
+
+def test_better_gains_are_saved(tmp_path: Path) -> None:
+    lidar = serial.serial_for_url("sim://tune_better/lidar?world=hall")  # keeps the simulated robot alive
+    board = Board.open("sim://tune_better/board", baud=500_000)
+    try:
+        board.poll(0.3)
+        for name, value in {"kp": 1.0, "ki": 1.0, "kv": 5.0, "ka": 0.0}.items():
+            board.set_parameter(name, value)
+    finally:
+        board.close()
+    with (tmp_path / "out.txt").open("w") as text:
+        options = TuneOptions(verify=VerifyOptions(speed_rad_s=4.0, hold_s=0.5, accelerations_rad_s2=(8.0,)))
+        console = Console(file=text, width=200)
+        tune_robot("sim://tune_better/board", 500_000, tmp_path, options, yes=True, console=console)
+    board = Board.open("sim://tune_better/board", baud=500_000)
+    try:
+        board.command(Command.LOAD)
+        saved = {name: board.get_parameter(name) for name in ("kp", "ki", "kv")}
+    finally:
+        board.close()
+        lidar.close()
+    assert "saved the new gains on the board" in (tmp_path / "out.txt").read_text()
+    assert saved["kv"] == pytest.approx(17.1, rel=0.05)
+    assert saved["kp"] > 3.0 < saved["ki"]
 
 
 class ImpatientConsole(Console):

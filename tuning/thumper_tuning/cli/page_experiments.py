@@ -24,9 +24,12 @@ def tune_wheels(context: ExperimentContext) -> Path | None:
     """Run the whole procedure. The board keeps the new gains unsaved; after an error, it has the old ones."""
     options = TuneOptions(excitation=ExcitationOptions(lane_m=context.lane_m), verify=_verification(context))
     with original_gains(context.board) as old:
-        report = _procedure(context).tune(options, old)
-    context.report_line("the board uses the new gains; under Gains, save them or revert to the saved ones")
-    return report
+        tuning = _procedure(context).tune(options, old)
+    effect = "" if tuning.better else ", which are no better than the old ones"
+    context.report_line(
+        f"the board uses the new gains{effect}; under Gains, save them or revert to the saved ones"
+    )
+    return tuning.report
 
 
 def _procedure(context: ExperimentContext) -> BoardProcedure:

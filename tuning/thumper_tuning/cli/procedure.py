@@ -18,7 +18,7 @@ from thumper_tuning.identify.motor import IdentifiedMotor, identify
 from thumper_tuning.logs.read import read_runs
 from thumper_tuning.report.export import write_models
 from thumper_tuning.report.page import BoardResults, write_report
-from thumper_tuning.report.text import design_lines, tracking_lines
+from thumper_tuning.report.text import design_lines, is_better, tracking_change, tracking_lines
 
 T = TypeVar("T")
 MotorText = Callable[[IdentifiedMotor], list[str]]
@@ -35,6 +35,14 @@ class ProcedureProgress(Protocol):
 
     def run_in_thread(self, work: Callable[[], T], /) -> T:
         """Compute a result that takes seconds."""
+
+
+@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+class Tuning:
+    """What a tuning brought."""
+
+    report: Path
+    better: bool  # the new gains are worth saving
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +66,8 @@ class BoardProcedure:
             self._report_lines(self.motor_text(motor))
         return motors
 
-    def tune(self, options: TuneOptions, old: BoardGains) -> Path:
-        """Identify, design, drive with the old and the new gains; return the path of the report.
+    def tune(self, options: TuneOptions, old: BoardGains) -> Tuning:
+        """Identify, design, drive with the old and the new gains.
 
         Writes gains.json, models.json and report.html. The board keeps the new gains, unsaved. Each drive
         after the first begins where the robot is now, so the procedure stays within the lanes of its options.
@@ -73,10 +81,13 @@ class BoardProcedure:
         self.progress.run_in_thread(lambda: write_models(self.folder, motors, result))
         before = self._verify("before", old, options.verify, start_m)
         after = self._verify("after", result.gains, options.verify, start_m)
+        changes = zip(before.tracking, after.tracking, strict=True)
+        self._report_lines([tracking_change(b, a) for b, a in changes])
         results = BoardResults(before=before, after=after)
-        return self.progress.run_in_thread(
+        report = self.progress.run_in_thread(
             lambda: write_report(self.folder / "report.html", motors, result, results)
         )
+        return Tuning(report=report, better=is_better(before, after, result))
 
     def _design(self, motors: list[IdentifiedMotor], options: DesignOptions) -> Design:
         period_s = 1.0 / self.board.identity.control_rate_Hz

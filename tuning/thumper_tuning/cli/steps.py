@@ -95,7 +95,7 @@ def verify_on(
 def tune_robot(
     board_url: str, baud: int, out: Path, options: TuneOptions, *, yes: bool, console: Console
 ) -> None:
-    """Run the whole procedure; save the new gains on the board if confirmed.
+    """Run the whole procedure; save the new gains on the board if confirmed, with `yes` if they are better.
 
     If it is interrupted, the board gets its old gains back.
     """
@@ -113,11 +113,16 @@ def tune_robot(
             with progress_bar(console) as report_progress:
                 progress = ConsoleProgress(console=console, report_progress=report_progress)
                 procedure = BoardProcedure(board=board, folder=out, progress=progress, motor_text=motor_lines)
-                report = procedure.tune(options, old)
-            keep = yes or typer.confirm("Save the new gains on the board?")
+                tuning = procedure.tune(options, old)
+            keep = tuning.better
+            if not yes:
+                keep = typer.confirm("Save the new gains on the board?", default=keep)
         if keep:
             board.command(Command.SAVE)
+            outcome = "saved the new gains on the board"
         else:
             write_gains(board, old)
-        outcome = "saved the new gains on the board" if keep else "restored the old gains"
-        console.print(f"{outcome}; see {report}")
+            outcome = "restored the old gains"
+            if not tuning.better:
+                outcome += ": the new ones are no better; without --yes the command asks"
+        console.print(f"{outcome}; see {tuning.report}")

@@ -53,7 +53,10 @@ Hold = Annotated[
     float | None,
     typer.Option(help="How long verification holds its top speed, in seconds.", min=0.0, show_default="1.5"),
 ]
-Yes = Annotated[bool, typer.Option("--yes", help="Skip the prompts: the lane is clear; save the new gains.")]
+Yes = Annotated[
+    bool,
+    typer.Option("--yes", help="Skip the prompts: the lane is clear; save the new gains if they are better."),
+]
 LaneClear = Annotated[bool, typer.Option("--yes", help="Skip the prompt: the lane is clear.")]
 Columns = Annotated[
     list[str] | None,

@@ -3,12 +3,14 @@
 import math
 
 from thumper_tuning.design.gains import Design
+from thumper_tuning.design.loops import SpeedLoop
 from thumper_tuning.drive.verify import TrackingError, Verification
 from thumper_tuning.identify.motor import IdentifiedMotor
 from thumper_tuning.identify.partial import PartialMotor
 from thumper_tuning.logs.motor_log import DriveUnit
 
 NOISE_SIGMAS = 2.0  # a smaller change of the tracking error is none
+USEFUL_SENSITIVITY_CHANGE = 0.1  # of Ms
 MAX_QUIET_SENSITIVITY = 2.0  # a worst-case Ms up to this needs no warning
 
 
@@ -96,10 +98,33 @@ def tracking_change(before: TrackingError, after: TrackingError) -> str:
         f"tracking error at {before.acceleration_rad_s2:g} rad/s² {before.std_rad_s:.3f} → "
         f"{after.std_rad_s:.3f} rad/s"
     )
-    noise_rad_s = NOISE_SIGMAS * math.hypot(before.std_error_rad_s, after.std_error_rad_s)
-    if abs(after.std_rad_s - before.std_rad_s) > noise_rad_s:
+    if _change_rad_s(before, after) != 0.0:
         return text
-    return f"{text}, no change beyond the noise of ±{noise_rad_s:.3f}"
+    return f"{text}, no change beyond the noise of ±{_noise_rad_s(before, after):.3f}"
+
+
+def _noise_rad_s(before: TrackingError, after: TrackingError) -> float:
+    return NOISE_SIGMAS * math.hypot(before.std_error_rad_s, after.std_error_rad_s)
+
+
+def _change_rad_s(before: TrackingError, after: TrackingError) -> float:
+    """Return the change of the tracking error, 0 within its noise."""
+    change_rad_s = after.std_rad_s - before.std_rad_s
+    return change_rad_s if abs(change_rad_s) > _noise_rad_s(before, after) else 0.0
+
+
+def is_better(before: Verification, after: Verification, design: Design) -> bool:
+    """Return whether new gains are worth saving.
+
+    They are if they track a ramp better, or lower Ms, and track none worse. An acceleration limit that the
+    user changes is worth it, too.
+    """
+    old = before.gains
+    changes = [_change_rad_s(b, a) for b, a in zip(before.tracking, after.tracking, strict=True)]
+    old_margins = SpeedLoop.of_board(design.plant, old.kp, old.ki).margins()
+    less_sensitive = old_margins.max_sensitivity - design.margins.max_sensitivity > USEFUL_SENSITIVITY_CHANGE
+    useful = min(changes) < 0.0 or less_sensitive or after.gains.acceleration != old.acceleration
+    return useful and max(changes) <= 0.0
 
 
 def tracking_lines(verification: Verification) -> list[str]:
