@@ -111,6 +111,16 @@ def test_help_loads_no_slow_library() -> None:
     assert done.stdout.splitlines()[-1] == "set()"
 
 
+def test_what_runs_no_kernel_loads_no_compiler() -> None:
+    """The page beside each robot, and wrong input that a command refuses before it drives."""
+    code = (
+        "import sys, thumper.dashboard.server, thumper.cli.robot_run\n"
+        "print({'numba', 'llvmlite', 'matplotlib'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "set()"
+
+
 def test_a_running_robot_loads_no_library_that_it_does_not_need() -> None:
     """Scipy takes 22 MB, matplotlib 27: only pictures at the end of a drive need the latter."""
     code = (
