@@ -1,6 +1,5 @@
 """A mistyped command line gives one line in the style of all errors, and exit status 2."""
 
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
@@ -8,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 import typer
 
+from tests.host.cli.conftest import Ended
 from thumper.cli import app
 from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE
-from thumper.common.signals import STOP_SIGNALS
 
 Refusal = Callable[..., str]
 
@@ -23,27 +22,13 @@ def commands(group: object, path: tuple[str, ...] = ()) -> Iterator[tuple[str, .
 
 
 @pytest.fixture
-def handlers() -> Iterator[None]:
-    """Restore the signal handlers that the command line replaces."""
-    before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
-
-
-@pytest.fixture
-def refusal(handlers: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Refusal:
+def refusal(thumper: Callable[..., Ended]) -> Refusal:
     """Return a function that runs `thumper` with wrong arguments and returns its one line."""
-    del handlers
 
     def run(*arguments: str) -> str:
-        monkeypatch.setattr(sys, "argv", ["thumper", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            app.main()
-        assert ended.value.code == EXIT_USAGE
-        printed = capsys.readouterr()
-        assert printed.out == ""
-        (line,) = printed.err.splitlines()
+        ended = thumper(*arguments)
+        assert (ended.status, ended.out) == (EXIT_USAGE, "")
+        (line,) = ended.err.splitlines()
         return line
 
     return run
@@ -86,10 +71,9 @@ def test_mistyped_words(refusal: Refusal, typed: str, line: str) -> None:
         (EOFError, EXIT_USAGE, "thumper: nobody answers the question; pass --yes to skip it"),
     ],
 )
-@pytest.mark.usefixtures("handlers")
 def test_question_without_an_answer(
     monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    thumper: Callable[..., Ended],
     answer: type[BaseException],
     status: int,
     line: str,
@@ -101,9 +85,6 @@ def test_question_without_an_answer(
         raise answer
 
     monkeypatch.setattr(app, "COMMANDS", {"ask": ask})
-    monkeypatch.setattr(sys, "argv", ["thumper", "ask"])
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(readline=readline))
-    with pytest.raises(SystemExit) as ended:
-        app.main()
-    assert ended.value.code == status
-    assert capsys.readouterr().err.strip() == line
+    ended = thumper("ask")
+    assert (ended.status, ended.err.strip()) == (status, line)

@@ -1,0 +1,64 @@
+"""`--help` groups the commands and names the options of each."""
+
+import re
+from collections.abc import Callable
+
+import pytest
+
+from tests.host.cli.conftest import Ended
+
+Run = Callable[..., Ended]
+
+COMMANDS = {
+    "demo": ["--out", "--seed"],
+    "run": ["--board", "--lidar", "--goal", "--config", "out/run"],
+    "sim": ["--board-pty", "--lidar-pty", "--world"],
+    "map-log": ["--out"],
+    "mode": ["--bus"],
+    "save": ["--bus"],
+    "tune": ["--board", "--lane", "record", "fit", "design", "verify", "report"],
+    "experiment": ["odometry", "speed"],
+    "calibrate": ["odometry"],
+    "doctor": ["--board", "--lidar"],
+    "goto": ["--tolerance", "--bus", "--clear-fault"],
+    "stop": ["--emergency"],
+    "status": ["--json"],
+    "watch": ["--json", "--count"],
+    "ros": ["--router", "--domain", "--namespace"],
+    "foxglove": ["--port", "--host"],
+    "bus": ["keys"],
+    "campaign": ["--workers", "--out"],
+    "dock": ["--undock", "--bus"],
+    "explore": ["--board", "--bus", "out/explore"],
+    "plan": ["--start", "--goal"],
+    "edit": ["--rotate", "--free", "--crop", "--out"],
+    "flash": ["--port"],
+    "setup": ["--config", "--bus", "--port"],
+    "dashboard": ["--host", "--port", "--make-certificate"],
+    "record": ["--out", "--seconds"],
+    "teleop": ["--gamepad", "--bus"],
+    "replay": ["--speed"],
+    "recover": [],
+    "export": ["--csv", "--map", "--png"],
+}
+
+
+def test_overview_lists_the_commands(thumper: Run) -> None:
+    done = thumper("--help")
+    assert done.status == 0
+    listed = done.out[done.out.index("Try it without hardware") :]
+    names = re.findall(r"^│ ([a-z-]+) ", listed, re.MULTILINE)
+    assert set(names) == set(COMMANDS)
+    assert names[0] == "demo"
+    assert "Others" not in done.out, "each command has a group"
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_each_command_lists_its_options(thumper: Run, command: str) -> None:
+    done = thumper(command, "--help")
+    assert done.status == 0
+    assert all(option in done.out for option in COMMANDS[command])
+
+
+def test_help_keeps_text_in_brackets(thumper: Run) -> None:
+    assert "X in the map [m]," in thumper("goto", "--help").out
