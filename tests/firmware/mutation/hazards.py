@@ -60,6 +60,12 @@ HAZARDS: dict[str, Removal] = {
         "AckStatus::kOk && false ?",
         "test_nothing_arms_or_clears_while_an_input_is_active",
     ),
+    "the operator presses the emergency stop": Removal(
+        "core/supervisor.hpp",
+        "    return Take(event, Fault::kEStop);\n",
+        "    return event == Event::kEStop ? AckStatus::kOk : Take(event, Fault::kEStop);\n",
+        "test_an_emergency_stop_latches_until_cleared",
+    ),
     "navigation keeps a dead gamepad's motors on": Removal(
         INTERFACE,
         "if (supervisor_.state() == State::kClosedLoop) Drive(",
@@ -68,6 +74,12 @@ HAZARDS: dict[str, Removal] = {
     ),
     "the robot's program is killed": Removal(INTERFACE, *LINK, "test_robot_process_killed"),
     "the robot's program hangs": Removal(INTERFACE, *LINK, "test_robot_process_hangs"),
+    "the computer is suspended for seconds": Removal(
+        INTERFACE, *LINK, "test_suspended_computer_does_not_drive_on"
+    ),
+    "the computer is too slow for the control loop": Removal(
+        INTERFACE, *LINK, "test_a_host_that_is_too_slow_loses_the_link"
+    ),
     "the board's cable is cut": Removal(INTERFACE, *LINK, "test_serial_cut"),
     "noise on the line": Removal(
         "core/framing.hpp", " && crc == kFrameResidue", "", "test_every_single_bit_flip_is_refused"
@@ -190,6 +202,51 @@ HAZARDS: dict[str, Removal] = {
         "test_a_rolling_wheel_that_is_taken_over_does_not_swing_back",
     ),
 }
+
+
+NOT_OF_THE_FIRMWARE = frozenset(
+    {
+        "obstacle in the path",
+        "many small steps toward an obstacle",
+        "somebody walks into the path",
+        "lidar silent or unplugged: driving blind",
+        "unseen ground: an obstacle behind the robot that the lidar never saw",
+        "tail sweep: a chair leg beside the tail of a robot that turns on the spot",
+        "silence: a dark leg returns no echo",
+        "lost echoes look like people who come and go",
+        "wheels slip: odometry is wrong",
+        "a goal in a wall",
+        "`thumper stop` while a program repeats its velocity command",
+        "its frame is lost on a bad line",
+        "it is sent in a flood of other commands",
+        "dashboard frozen, closed, or its network cut",
+        "the heartbeats return",
+        "the operator drives or backs into a wall",
+        "gamepad unplugged, its program killed",
+        "a stop pressed between two drives of a script",
+        "navigation competes with manual driving",
+        "Ctrl-C, and Ctrl-C again",
+        "a stranger on the network",
+        "malformed messages from dashboard or bus",
+        "the program gets a quarter or a twentieth of a core",
+        "the computer's clock jumps by a day",
+        "a part of the program fails",
+        "an error in a user's script",
+        "firmware of another protocol version",
+        "tests on a real board with wheels on the ground",
+    }
+)
+"""Hazards that the robot's program or the operator guards."""
+
+
+def hazards_of_the_safety_case() -> list[str]:
+    """Return the hazards of all its sections, in order."""
+    lines = SAFETY_CASE.read_text(encoding="utf-8").splitlines()
+    return [
+        line.split(" | ")[0].removeprefix("| ")
+        for line in lines
+        if line.startswith("| ") and "::test_" in line
+    ]
 
 
 def named_tests(hazard: str) -> list[str]:

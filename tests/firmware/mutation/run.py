@@ -17,13 +17,13 @@ import sys
 
 from tests.firmware.mutation.board_mutants import board_mutants
 from tests.firmware.mutation.board_suite import BOARD_SUBJECT
+from tests.firmware.mutation.core_mutants import core_mutants
 from tests.firmware.mutation.core_suite import CORE_SUBJECT
-from tests.firmware.mutation.mutants import mutants
 from tests.firmware.mutation.survivors import BOARD_SURVIVORS, CORE_SURVIVORS, Tally
 from tests.firmware.mutation.worker import results_of
 
 PARTS = {
-    "core": (CORE_SUBJECT, mutants, CORE_SURVIVORS),
+    "core": (CORE_SUBJECT, core_mutants, CORE_SURVIVORS),
     "board": (BOARD_SUBJECT, board_mutants, BOARD_SURVIVORS),
 }
 MIN_SHARE = 0.99
