@@ -1,5 +1,5 @@
-// Writes two bytes of the EEPROM, the second one without waiting. Sends the time of the first write [256 cycles]
-// and both bytes.
+// Writes two bytes of the EEPROM, the second one without waiting. Sends the time of the first write
+// [256 cycles] and both bytes.
 #include "bench.h"
 
 static void write(uint8_t address, uint8_t byte) {
