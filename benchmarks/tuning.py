@@ -365,8 +365,11 @@ def main() -> None:
     """Run the named parts, or all."""
     parts = {"simulated": simulated, "recorded": recorded, "rules": rules, "tracking": tracking}
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", nargs="*", choices=parts, help="what to run; all if none is named")
-    for name in parser.parse_args().part or parts:
+    parser.add_argument("part", nargs="*", help=f"what to run, of {', '.join(parts)}; all if none is named")
+    names = parser.parse_args().part or list(parts)
+    if unknown := set(names) - set(parts):
+        parser.error(f"unknown part {min(unknown)!r}; choose from {', '.join(parts)}")
+    for name in names:
         parts[name]()
 
 

@@ -118,6 +118,8 @@ def test_margins_of_a_loop_known_in_closed_form() -> None:
     assert margins.gain_margin == pytest.approx(4.0, rel=1e-6)
     assert margins.max_sensitivity == pytest.approx(4.0 / 3.0, rel=1e-3)
     assert margins.phase_margin_deg == pytest.approx(math.degrees(math.acos(0.25)), abs=0.1)
+    crossover_rad_s = 2.0 * math.asin(0.25) / 0.1
+    assert margins.delay_margin_s == pytest.approx(math.acos(0.25) / crossover_rad_s, rel=1e-3)
 
 
 @pytest.mark.parametrize("time_constant_s", [0.01, 0.02, 0.025, 0.028, 0.033, 0.075, 0.3])

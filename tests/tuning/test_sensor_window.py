@@ -79,6 +79,25 @@ def test_a_delay_beyond_the_search_is_not_determined() -> None:
         identify([speed_log(0.02, 0.02, 0.75, seconds=16.0)])
 
 
+def test_a_time_constant_beyond_the_search_is_not_determined() -> None:
+    """The wheel reaches a tenth of its speed in a run: 60 s, and the search ends at 20 s."""
+    rng = np.random.default_rng(1)
+    pwm = np.repeat(rng.choice((-150.0, -80.0, 80.0, 150.0), 80), 10)
+    speed_rad_s, decay = [0.0], math.exp(-0.05 / 60.0)
+    for u in pwm[:-1]:
+        speed_rad_s.append(0.06 * (u - math.copysign(19.0, u)) * (1.0 - decay) + decay * speed_rad_s[-1])
+    log = MotorLog(
+        name="slow",
+        drive_unit=DriveUnit.PWM,
+        time_s=0.05 * np.arange(len(pwm)),
+        drive=pwm,
+        starts_segment=np.arange(len(pwm)) == 0,
+        speed_rad_s=np.array(speed_rad_s) + rng.normal(0.0, 0.01, len(pwm)),
+    )
+    with pytest.raises(UndeterminedError, match="determine the time constant: the fit ends at its limit"):
+        identify([log])
+
+
 def low_passed(log: MotorLog, filter_s: float) -> MotorLog:
     """Return the log with its speeds smoothed as `speed += share * (raw - speed)`."""
     assert log.speed_rad_s is not None
