@@ -150,7 +150,7 @@ def test_two_wheels_in_one_file(fit: Fit) -> None:
         ("time_s,pwm,speed_rad_s", (TIME_S, PWM, 4.0 * np.tanh(SPEED / 3.0)), "it is clipped or limited"),
         (NAMES, (TIME_S[:12], PWM[:12], COUNTS[:12]), "too few"),
         (NAMES, (1e3 * TIME_S, PWM, COUNTS), "time_ms"),
-        (NAMES, (TIME_S, PWM / 255.0, COUNTS), "duty"),
+        (NAMES, (TIME_S, PWM / 255.0, COUNTS), "--column drive=pwm:duty"),
         ("time_s,voltage_V,counts", (TIME_S, PWM, COUNTS), "pwm"),
         ("time_s,pwm,speed_rad_s", (TIME_S, PWM, SPEED * 30.0 / math.pi), "speed_rpm"),
         ("time_s,pwm,speed_rad_s", (TIME_S, PWM, np.abs(SPEED)), "sign of the speed"),

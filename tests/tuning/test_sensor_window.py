@@ -89,7 +89,7 @@ def test_a_time_constant_beyond_the_search_is_not_determined() -> None:
     log = MotorLog(
         name="slow",
         drive_unit=DriveUnit.PWM,
-        time_s=0.05 * np.arange(len(pwm)),
+        time_s=np.arange(len(pwm), dtype=float) * 0.05,
         drive=pwm,
         starts_segment=np.arange(len(pwm)) == 0,
         speed_rad_s=np.array(speed_rad_s) + rng.normal(0.0, 0.01, len(pwm)),

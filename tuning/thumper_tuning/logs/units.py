@@ -43,7 +43,8 @@ def check_drive(drive: FloatArray, unit: DriveUnit, header: str) -> str:
         return ""
     if 0.0 < largest <= 1.0:
         raise log_error(
-            f"column {header!r} stays within +-{largest:g}: a duty ratio, not PWM of 255; name it duty"
+            f"column {header!r} stays within +-{largest:g}: a duty ratio, not PWM of 255; name it duty, "
+            f"or pass --column drive={header}:duty"
         )
     if largest > FULL_PWM:
         return f"pwm reaches {largest:g}, beyond 255: values used as they are; gains are per unit of pwm"
