@@ -271,6 +271,11 @@ def test_telemetry_reports_all_values(core: ctypes.CDLL) -> None:
     assert host.telemetry().rx_frames == 1
     core.host_battery(host.handle, 9000)
     assert host.telemetry().warnings == 0
+    assert (telemetry.state, telemetry.fault) == (m.State.DISARMED, m.Fault.NONE)
+    assert (telemetry.heading, telemetry.gyroscope) == (0x1234, m.GyroscopeState.READY)
+    host.command(m.Command.E_STOP)
+    stopped = host.telemetry()
+    assert (stopped.state, stopped.fault) == (m.State.FAULT, m.Fault.E_STOP)
 
 
 def test_manual_stops_at_the_link_timeout(core: ctypes.CDLL) -> None:
