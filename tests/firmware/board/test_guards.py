@@ -27,6 +27,7 @@ from thumper_hil.chip.wiring import ENCODERS
 
 PORTB, PORTD, DDRB, DDRD = 0x25, 0x2B, 0x24, 0x2A
 TCCR2A, TCCR2B, OCR2A, OCR2B = 0xB0, 0xB1, 0xB3, 0xB4
+ADCSRA, ADMUX = 0x7A, 0x7C
 MCUSR, PORF, BORF = 0x54, 1 << 0, 1 << 2
 MOTORS_B, MOTORS_D = 0b1110, 0b11100
 ENCODER_B, ENCODER_D = 0b11_0000, 0b110_0000
@@ -63,6 +64,14 @@ def test_encoder_inputs_have_pull_ups_and_motor_outputs_are_low_until_driven() -
     assert chip.data(PORTD) & (MOTORS_D | ENCODER_D) == ENCODER_D | 1 << 2
     assert [chip.data(address) for address in (OCR2A, OCR2B)] == [0, 0]
     assert (chip.data(TCCR2A), chip.data(TCCR2B)) == (0b1010_0001, 0b110)
+
+
+def test_the_converter_runs_at_125_kHz_and_measures_against_its_supply() -> None:
+    """The simulated converter is as exact at any clock, and its reference pin has 5 V, too."""
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.1)
+    assert chip.data(ADCSRA) & 0b111 == 0b111  # the clock by 128
+    assert chip.data(ADMUX) >> 6 == 0b01  # AVCC
 
 
 def test_the_first_edge_after_the_start_counts() -> None:

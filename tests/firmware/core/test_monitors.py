@@ -288,6 +288,27 @@ def test_manual_stops_at_the_link_timeout(core: ctypes.CDLL) -> None:
     assert host.status() == (m.State.FAULT, m.Fault.LINK_LOST, 0, 0)
 
 
+def test_arming_again_changes_nothing_and_keeps_no_link_alive(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
+    host.command(m.Command.ARM)
+    host.send(m.SetWheelSpeeds(left=1000, right=1000))
+    host.wait(200)
+    host.command(m.Command.ARM)
+    assert host.status() == (m.State.CLOSED_LOOP, m.Fault.NONE, 1000, 1000)
+    host.wait(100)
+    assert host.status()[:2] == (m.State.FAULT, m.Fault.LINK_LOST)
+
+
+def test_silence_before_a_disarm_does_not_count_after_it(core: ctypes.CDLL) -> None:
+    host = HostInterface(core)
+    host.command(m.Command.ARM)
+    host.wait(250)
+    host.command(m.Command.DISARM)
+    host.command(m.Command.ARM)
+    host.wait(299)
+    assert host.status()[0] is m.State.CLOSED_LOOP
+
+
 def test_wheel_speeds_are_limited_to_17_rad_s(core: ctypes.CDLL) -> None:
     host = HostInterface(core)
     host.command(m.Command.ARM)
