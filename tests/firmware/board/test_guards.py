@@ -14,10 +14,12 @@ from thumper.board.messages import (
     Identify,
     ResetCause,
     SetMotorPwm,
+    SetParameter,
     SetWheelSpeeds,
     State,
     Telemetry,
 )
+from thumper.board.parameters import parameter_named
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.chip_faults import FaultyChip
 from thumper_hil.chip.instrumented_chip import EdgeSource, InstrumentedChip
@@ -70,8 +72,14 @@ def test_the_converter_runs_at_125_kHz_and_measures_against_its_supply() -> None
     """The simulated converter is as exact at any clock, and its reference pin has 5 V, too."""
     chip = InstrumentedChip(ELF, params=RobotParams.load())
     run_for(chip, 0.1)
-    assert chip.data(ADCSRA) & 0b111 == 0b111  # the clock by 128
-    assert chip.data(ADMUX) >> 6 == 0b01  # AVCC
+    send(chip, SetParameter(index=parameter_named("tilt_limit").index, value=1))  # it converts axes, too
+    channels = set()
+    for _ in range(200):
+        run_for(chip, 1e-4)
+        assert chip.data(ADCSRA) & 0b111 == 0b111  # the clock by 128
+        assert chip.data(ADMUX) >> 6 == 0b01  # AVCC
+        channels.add(chip.data(ADMUX) & 0b1111)
+    assert channels == {0, 1, 2, 3, 6, 7}
 
 
 def test_the_first_edge_after_the_start_counts() -> None:
