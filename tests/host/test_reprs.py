@@ -13,6 +13,7 @@ from thumper.runtime.drive_log import DriveLog
 def test_poses_and_twists() -> None:
     assert repr(Pose2(x_m=1.2, y_m=0.5, theta_rad=math.radians(30.0))) == "Pose2(1.20 m, 0.50 m, 30.0°)"
     assert repr(Twist2(v_m_s=-0.25, w_rad_s=1.0)) == "Twist2(-0.25 m/s, 1.00 rad/s)"
+    assert repr(Pose2(x_m=-0.001, theta_rad=-1e-5)) == "Pose2(0.00 m, 0.00 m, 0.0°)"
 
 
 def test_scans() -> None:

@@ -27,7 +27,7 @@ class Pose2:
     theta_rad: float = 0.0
 
     def __repr__(self) -> str:
-        return f"Pose2({self.x_m:.2f} m, {self.y_m:.2f} m, {math.degrees(self.theta_rad):.1f}°)"
+        return f"Pose2({self.x_m:z.2f} m, {self.y_m:z.2f} m, {math.degrees(self.theta_rad):z.1f}°)"
 
     def __matmul__(self, other: "Pose2") -> "Pose2":
         """Compose: `a_from_b @ b_from_c` is `a_from_c`."""
@@ -66,4 +66,4 @@ class Twist2:
     w_rad_s: float = 0.0
 
     def __repr__(self) -> str:
-        return f"Twist2({self.v_m_s:.2f} m/s, {self.w_rad_s:.2f} rad/s)"
+        return f"Twist2({self.v_m_s:z.2f} m/s, {self.w_rad_s:z.2f} rad/s)"

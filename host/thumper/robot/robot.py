@@ -138,7 +138,7 @@ class Robot:
             return f"<Robot {port}: not open>"
         pose, telemetry = self._state.map_from_base, self._loop.inputs.telemetry
         battery = f", {telemetry.battery_mV / 1000.0:.1f} V, {telemetry.state.name}" if telemetry else ""
-        place = f"({pose.x_m:.2f} m, {pose.y_m:.2f} m, {math.degrees(pose.theta_rad):.0f} deg)"
+        place = f"({pose.x_m:z.2f} m, {pose.y_m:z.2f} m, {math.degrees(pose.theta_rad):z.0f} deg)"
         return f"<Robot {port} at {place}{battery}>"
 
     def forward(self, distance_m: float, *, v_m_s: float = 0.25) -> DriveResult:
