@@ -73,6 +73,10 @@ class Chip:
         except OSError as error:
             fix = "install libsimavr2" if LIBRARY.exists() else "run `make chip`"
             raise ChipError(f"{LIBRARY}: cannot load the simulated chip; {fix}") from error
+        except AttributeError as error:
+            raise ChipError(
+                f"{LIBRARY}: the simulated chip was built from older sources; run `make chip`"
+            ) from error
         numbers = params.flat() if params else []
         array = (ctypes.c_double * len(numbers))(*numbers) if numbers else None
         message = ctypes.create_string_buffer(256)

@@ -72,7 +72,10 @@ class CProbeReport(ctypes.Structure):
 
 @cache
 def load_library() -> ctypes.CDLL:
-    """Load the library once and declare its functions; raise OSError if it is not built."""
+    """Load the library once and declare its functions.
+
+    Raises OSError if it is not built, AttributeError if it was built from older sources.
+    """
     library = ctypes.CDLL(str(LIBRARY))
     chip, number = ctypes.c_void_p, ctypes.c_double
     size, cycle, byte = ctypes.c_size_t, ctypes.c_uint64, ctypes.c_uint8

@@ -1,5 +1,6 @@
 """CPU core and ADC behave like the real chip where simavr alone does not; crashes are reported."""
 
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pytest
 
 from tests.hil.chip.conftest import BuildAvr
 from tests.hil.chip.rig import run_for
+from thumper_hil.chip import native_library
 from thumper_hil.chip.chip import CPU_HZ, Chip, ChipError
 from thumper_hil.chip.robot_params import RobotParams
 
@@ -127,3 +129,14 @@ def test_same_seed_gives_the_same_robot(build_avr: BuildAvr, even_params: RobotP
         ends.append(chip.truth())
     assert ends[0] == ends[1]
     assert ends[0] != ends[2]
+
+
+def test_a_chip_built_from_older_sources_is_refused(
+    build_avr: BuildAvr, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    old = tmp_path / "old.so"
+    subprocess.run(["gcc", "-shared", "-x", "c", "/dev/null", "-o", old], check=True)
+    monkeypatch.setattr(native_library, "LIBRARY", old)
+    monkeypatch.setattr("thumper_hil.chip.chip.load_library", native_library.load_library.__wrapped__)
+    with pytest.raises(ChipError, match="built from older sources; run `make chip`"):
+        Chip(build_avr("entry"))
