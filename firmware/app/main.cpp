@@ -163,7 +163,6 @@ int main() {
   right_encoder.Reset(PINB);
   pins::StartInputs();
   Mpu6050::Start();
-  adc.Start();
   uart.Start();
   clock::Start();
   tick::Start();

@@ -16,11 +16,6 @@ class Adc {
     uint16_t battery, left_current, right_current;
   };
 
-  void Start() {
-    ADCSRA = kOn;
-    Convert();
-  }
-
   /// Select the pins of the motor currents: those of the board, or A4 and A5. Written by the main loop; a
   /// wrong sample in between is one of 32.
   void SetCurrentsAtA4(bool at_a4) { currents_at_a4_ = at_a4; }
@@ -28,7 +23,8 @@ class Adc {
   /// Read the accelerometer, too. Written by the main loop.
   void UseAccelerometer(bool used) { axes_used_ = used; }
 
-  /// Call once per millisecond from the interrupt: add the finished sample and start the next channel.
+  /// Call once per millisecond from the interrupt: add the finished sample and start the next channel. The first
+  /// call only starts.
   void Step() {
     if ((ADCSRA & 1 << ADIF) == 0) {
       if (silent_ms_ < kSilent_ms) ++silent_ms_;
@@ -77,7 +73,9 @@ class Adc {
   bool TakeAxes(uint8_t (*axes)[3]) {
     if (!axes_complete_ || !axes_used_) return false;
     axes_complete_ = false;
-    for (uint8_t axis = 0; axis < kAxes; ++axis) (*axes)[axis] = axes_[axis];
+    (*axes)[0] = axes_[0];
+    (*axes)[1] = axes_[1];
+    (*axes)[2] = axes_[2];
     return true;
   }
 

@@ -100,6 +100,15 @@ def test_a_collision_stops_the_motors(limit_V: float) -> None:
     assert fault(chip)[1] is (Fault.IMPACT if limit_V else Fault.NONE)
 
 
+def test_a_push_from_the_side_stops_the_motors() -> None:
+    """A jump to 65 degrees of roll: 0.73 V on y, 0.46 V on z."""
+    chip = driving(impact_limit=0.6)
+    chip.set_attitude(roll_rad=math.radians(65.0))
+    run_for(chip, 3 * AXIS_PERIOD_S)
+    assert duties(chip) == [0, 0]
+    assert fault(chip) == (State.FAULT, Fault.IMPACT)
+
+
 @pytest.mark.parametrize("phase_ms", range(3))
 def test_an_old_reading_is_no_impact(phase_ms: int) -> None:
     """It is not read while both limits are 0. Then somebody turns the robot over.
