@@ -37,8 +37,9 @@ MIN_TURN_TICKS = 60.0
 MIN_TURN_RAD_S = 0.6  # half difference of the sides: above it the tyres slide
 K, P, C, D, DELTA = range(5)
 # Information without data, in squared units of the regressors: it bounds what the drive does not excite. It
-# is weak enough for a dead motor: with one of three, the sides differ by delta = 0.2.
-MEAN_PRIOR = (1.0, 100.0, 1e-3, 0.05, 0.2)
+# is weak enough for a dead motor: with one of three, the sides differ by delta = 0.2. The 100 of p weighs
+# as much as ticks whose squared ud [PWM^2] sum to 100.
+MEAN_PRIOR = (1.0, 100.0, 1e-3, 0.05, 0.2)  # of K, P, C, D, DELTA
 TURN_PRIOR = (1.0, 100.0, 1e-3, 0.05, 0.2, 1e-3)  # in the same order, and m
 # What the model leaves out: the voltage that sags within a tick, and its resolution. One standard deviation.
 MODEL_GAIN, MODEL_TIME_CONSTANT, MODEL_FRICTION_PWM = 0.004, 0.02, 0.5
@@ -130,10 +131,8 @@ class DriveTrainEstimator:
         turn = float(np.sign(yd)) if abs(yd) >= MIN_TURN_RAD_S else 0.0
         turns_on = good and turn != 0.0 and turn == self._turn
         self._signs, self._turn = signs, turn
-        self._mean.step(period_s, (um, ud, same, against, -yd), y, good=good, at_rest=signs == (0.0, 0.0))
-        self._difference.step(
-            period_s, (ud, um, against, same, -y, -float(np.sign(yd))), yd, good=turns_on, at_rest=False
-        )
+        self._mean.step(period_s, (um, ud, same, against, -yd), y, good=good)
+        self._difference.step(period_s, (ud, um, against, same, -y, -float(np.sign(yd))), yd, good=turns_on)
 
     def estimate(self) -> DriveTrainEstimate:
         """Return what the driving so far determines; takes about a millisecond."""
@@ -142,15 +141,16 @@ class DriveTrainEstimator:
             return DriveTrainEstimate(mean=NOTHING, left=NOTHING, right=NOTHING)
         tau = _time_constant(fit.solve(), fit.independent_ticks())
         variance = fit.variance()
-        information = (fit.information[fit.best] + np.diag(fit.prior)) / variance
-        moment = fit.moment[fit.best] / variance
+        squares, products = fit.at_minimum()
+        information = (squares + np.diag(fit.prior)) / variance
+        moment = products / variance
         if self._difference.ticks >= MIN_TURN_TICKS:
             self._difference.solve()
             shared = [P, D, DELTA]
             more, its_moment = self._difference.marginal(shared)
             information[np.ix_(shared, shared)] += more
             moment[shared] += its_moment
-        covariance = np.linalg.inv(information)
+        covariance = np.linalg.inv(information).astype(np.float64)
         theta = covariance @ moment
         return DriveTrainEstimate(
             mean=_side(theta, covariance, tau, 0.0),
