@@ -178,9 +178,23 @@ def test_the_names_of_a_pid_library(tmp_path: Path) -> None:
     text = table("millis,setpoint,input,output", lambda t, u, n, w: f"{1e3 * t:.0f},5,{RPM * w:.4f},{u:g}")
     path = tmp_path / "log.csv"
     assert assert_read(path, text, output="input:rpm").has_setpoint
-    with pytest.raises(ThumperError, match="--column output=HEADER"):
+    with pytest.raises(ThumperError, match="--column output=input:UNIT"):
         read_logs(path)
     assert_read(path, text.replace("input", "Input (rpm)"))
+
+
+@pytest.mark.parametrize("header", ["Time,Setpoint,Measured,Output", "millis,Setpoint,Input,Output"])
+def test_a_chosen_output_that_follows_the_drive_is_a_speed(tmp_path: Path, header: str) -> None:
+    """Without a unit it was read as rad and summed up as counts per row: a gain 24 times too small."""
+    text = table(header, lambda t, u, n, w: f"{1e3 * t:.0f},5,{w:.5f},{u:g}")
+    path, name = tmp_path / "log.csv", header.split(",")[2]
+    log = assert_read(path, text, output=name)
+    assert log.speed_rad_s is not None
+    assert any(f"'{name}' names no unit: read as rad/s, because" in warning for warning in log.warnings)
+    with pytest.raises(ThumperError, match=f"--column output={name}:UNIT"):
+        read_logs(path)
+    with pytest.raises(ThumperError, match=r"like a speed, not like a position; pass its unit"):
+        assert_read(path, text, output=f"{name}:rad")
 
 
 @pytest.mark.parametrize(

@@ -89,6 +89,16 @@ def test_the_preview_names_columns_units_and_what_is_not_used(tmp_path: Path) ->
     assert log.has_setpoint
 
 
+def test_the_preview_names_the_unit_of_the_file(tmp_path: Path) -> None:
+    for header, scale, unit in (
+        ("speed_rpm", 30.0 / np.pi, "rpm, read as rad/s"),
+        ("speed_deg_s", 180.0 / np.pi, "deg/s, read as rad/s"),
+        ("speed_rad_s", 1.0, "rad/s"),
+    ):
+        path = write(tmp_path / "log.csv", f"time_s,pwm,{header}", TIME_S, PWM, scale * SPEED)
+        assert f"output: column '{header}' [{unit}, -" in "\n".join(read_logs(path)[0].columns)
+
+
 @pytest.mark.parametrize(
     ("period", "unit"),
     [(0.01, "s"), (0.1, "s"), (0.5, "s"), (5.0, "ms"), (20.0, "ms"), (100.0, "ms"), (5e3, "us"), (1e5, "us")],
@@ -112,7 +122,7 @@ def test_columns_can_be_chosen(tmp_path: Path, header: str, choices: list[str]) 
 
 def test_a_file_of_numbers_alone_needs_the_columns(tmp_path: Path) -> None:
     path = write(tmp_path / "log.txt", "0.1 60 0", TIME_S[1:] + 0.1, PWM[1:], SPEED[1:], separator=" ")
-    with pytest.raises(ThumperError, match="--column output=HEADER"):
+    with pytest.raises(ThumperError, match="--column output=HEADER:UNIT"):
         read_logs(path)
     assert_wheel(read_logs(path, choices=parse_choices(["time=1", "drive=2", "output=3:rad/s"])))
 

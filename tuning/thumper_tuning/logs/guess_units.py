@@ -8,6 +8,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.column_names import POSITIONS_RAD, UNITS, Quantity
 from thumper_tuning.logs.columns import Column
+from thumper_tuning.logs.encoder_counts import look_like_counts_per_row
 from thumper_tuning.logs.roles import MotorColumns
 
 USUAL_PERIOD_S = 0.03
@@ -21,7 +22,10 @@ def with_guessed_units(columns: MotorColumns, values: FloatArray) -> tuple[Motor
 
     A time in seconds, a duty ratio and counts need none. `values` is the table, shape (n, columns).
     """
-    found = {"time": _time, "drive": _drive, "output": _output}
+    is_like_speed = look_like_counts_per_row(
+        values[:, columns.output.index], values[:, columns.drive.index] * columns.drive.scale
+    )
+    found = {"time": _time, "drive": _drive, "output": _speed if is_like_speed else _output}
     notes = []
     for role, guess in found.items():
         column: Column = getattr(columns, role)
@@ -65,6 +69,14 @@ def _output(column: Column, values: FloatArray) -> tuple[Column, str]:
     if column.quantity is not Quantity.COUNTS or (values == np.round(values)).all():
         return column, ""
     return replace(column, scale=POSITIONS_RAD["rad"] / math.tau, needs_encoder=False), "rad"
+
+
+def _speed(column: Column, values: FloatArray) -> tuple[Column, str]:
+    """Return rad/s for what follows the drive as a speed does, unless it may be counts per row."""
+    if column.quantity is not Quantity.COUNTS or (values == np.round(values)).all():
+        return _output(column, values)
+    speed = replace(column, quantity=Quantity.SPEED, scale=1.0, needs_encoder=False)
+    return speed, "rad/s, because it follows the drive like a speed"
 
 
 def guess_time_unit(values: FloatArray) -> tuple[str, float]:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from thumper.common.geometry import FloatArray
+from thumper_tuning.logs.column_names import UNITS as SCALES
 from thumper_tuning.logs.column_names import Quantity
 from thumper_tuning.logs.columns import Column
 from thumper_tuning.logs.roles import MotorColumns
@@ -49,4 +50,10 @@ def _unit(column: Column) -> str:
         return "counts per row"
     if column.quantity is Quantity.COUNTS:
         return "counts" if column.needs_encoder else "revolutions"
-    return "counts/s" if column.needs_encoder else UNITS[column.quantity]
+    if column.needs_encoder:
+        return "counts/s"
+    unit = UNITS[column.quantity]
+    if column.quantity is not Quantity.SPEED or column.scale == 1.0:
+        return unit
+    written = next(name for name, scale in SCALES[Quantity.SPEED].items() if scale == column.scale)
+    return f"{written.replace(' s', '/s')}, read as {unit}"

@@ -206,9 +206,11 @@ def _has_counts_per_row(rows: _Rows, output: Column) -> bool:
         return True
     if not look_like_counts_per_row(rows.output, rows.drive):
         return False
-    rows.warnings.append(
-        f"column {output.header!r} follows the drive like a speed: read as counts since the last row"
-    )
+    found = f"column {output.header!r} follows the drive like a speed"
+    if not output.needs_encoder:
+        raise log_error(f"{found}, not like a position; pass its unit: --column output={output.header}:UNIT")
+    other = "" if output.unit_given else f"; else pass --column output={output.header}:UNIT"
+    rows.warnings.append(f"{found}: read as counts since the last row{other}")
     return True
 
 

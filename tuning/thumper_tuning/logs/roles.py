@@ -18,6 +18,7 @@ from thumper_tuning.logs.motor_log import DriveUnit
 from thumper_tuning.logs.units import log_error
 
 DATES = ("date", "datum", "fecha", "data")
+MEASUREMENTS = ("input", "measured", "measurement")  # of a controller; only the user knows the unit
 OUTPUTS = (Quantity.COUNTS, Quantity.COUNTS_PER_ROW, Quantity.SPEED)
 
 
@@ -107,7 +108,7 @@ def motor_columns(path: Path, headers: tuple[str, ...], choices: Choices) -> dic
     if not motors:
         raise log_error(
             f"{path}: no column holds counts or speed (columns: {names}); name one counts or speed_rad_s, "
-            "or pass --column output=HEADER"
+            f"or pass --column output={_measurement(headers, columns)}:UNIT"
         )
 
     def find(motor: str, role: Role) -> Column | None:
@@ -141,6 +142,18 @@ def motor_columns(path: Path, headers: tuple[str, ...], choices: Choices) -> dic
         )
         for motor in motors
     }
+
+
+def _measurement(headers: tuple[str, ...], columns: list[Column]) -> str:
+    """Return the header beside a set-point that must be the measurement, or the word HEADER."""
+    claimed = {column.index for column in columns}
+    found = [
+        header
+        for i, header in enumerate(headers)
+        if i not in claimed and header.strip().lower() in MEASUREMENTS
+    ]
+    is_controlled = any(column.quantity is Quantity.SETPOINT for column in columns)
+    return found[0] if is_controlled and len(found) == 1 else "HEADER"
 
 
 def _best(columns: list[Column], motor: str, role: Role) -> Column | None:
