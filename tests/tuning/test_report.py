@@ -7,6 +7,7 @@ from thumper_tuning.design.fixed_point import BoardGains, to_fixed_point
 from thumper_tuning.design.gains import DesignOptions, design
 from thumper_tuning.drive.verify import COLUMNS, TrackingError, Verification, tracking_error
 from thumper_tuning.identify.model import MotorModel, Uncertainty
+from thumper_tuning.report.page import BoardResults, verdict
 from thumper_tuning.report.text import is_better, tracking_change
 
 
@@ -66,3 +67,16 @@ def test_gains_that_are_less_sensitive_or_accelerate_otherwise_are_better() -> N
     for old in (near_ringing, faster):
         assert is_better(verification(old, 0.1), verification(same, 0.1), DESIGN)
         assert not is_better(verification(old, 0.1), verification(same, 0.2), DESIGN)
+
+
+def test_the_report_recommends_only_better_gains() -> None:
+    old = to_fixed_point(**{**dict(DESIGN.gains.items()), "kp": 0.5 * DESIGN.gains.kp})
+    change = f"kp {old.kp:.3g} → {DESIGN.gains.kp:.3g}"
+    for better, text in (
+        (True, change),
+        (False, f"none is worth it: the new gains ({change}) are no better"),
+    ):
+        board = BoardResults(
+            before=verification(old, 0.1), after=verification(DESIGN.gains, 0.1), better=better
+        )
+        assert f"<b>Changes:</b> {text}" in verdict([], DESIGN, board)

@@ -55,7 +55,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     motors = [identify([log]) for log in read_logs(folder / "log.csv")]
     result = design(*nominal_model(motors), DesignOptions())
-    board = BoardResults(before=drive(0.2), after=drive(0.1))
+    board = BoardResults(before=drive(0.2), after=drive(0.1), better=True)
     return write_report(folder / "report.html", motors, result, board)
 
 

@@ -78,6 +78,7 @@ def test_one_command_tunes_the_robot(tmp_path: Path, positions_m: list[float]) -
     assert 'alt=""' not in page
     assert [line in page for line in ("<b>Found:</b>", "<b>Changes:</b>", "<b>Effect:</b>")] == [True] * 3
     assert "→" in verdict
+    assert "are no better than the old ones" in verdict
     assert all(base64.b64decode(image).startswith(b"\x89PNG") for image in images)
     assert not re.search(r'(src|href)="http', page)
 

@@ -83,11 +83,12 @@ class BoardProcedure:
         after = self._verify("after", result.gains, options.verify, start_m)
         changes = zip(before.tracking, after.tracking, strict=True)
         self._report_lines([tracking_change(b, a) for b, a in changes])
-        results = BoardResults(before=before, after=after)
+        better = is_better(before, after, result)
+        results = BoardResults(before=before, after=after, better=better)
         report = self.progress.run_in_thread(
             lambda: write_report(self.folder / "report.html", motors, result, results)
         )
-        return Tuning(report=report, better=is_better(before, after, result))
+        return Tuning(report=report, better=better)
 
     def _design(self, motors: list[IdentifiedMotor], options: DesignOptions) -> Design:
         period_s = 1.0 / self.board.identity.control_rate_Hz

@@ -42,6 +42,7 @@ class BoardResults:
 
     before: Verification
     after: Verification
+    better: bool  # the new gains are worth saving
 
 
 def write_report(
@@ -51,7 +52,7 @@ def write_report(
     from thumper_tuning.report import figures
 
     old = board.before.gains if board else None
-    parts = ["<h1>Wheel speed control: tuning report</h1>", _verdict(motors, design, board)]
+    parts = ["<h1>Wheel speed control: tuning report</h1>", verdict(motors, design, board)]
     if board is not None:
         both = (board.before, board.after)
         parts += ["<h2>On the robot, before and after</h2>", _tables(_tracking_table(board))]
@@ -89,7 +90,7 @@ def write_report(
     return path
 
 
-def _verdict(motors: list[IdentifiedMotor], design: Design, board: BoardResults | None) -> str:
+def verdict(motors: list[IdentifiedMotor], design: Design, board: BoardResults | None) -> str:
     """Return three lines: what was found, what changes, and what it gains."""
     found = "; ".join(
         f"{m.name}: time constant {1e3 * m.model.time_constant_s:.0f} ms, static friction "
@@ -112,7 +113,10 @@ def _verdict(motors: list[IdentifiedMotor], design: Design, board: BoardResults 
             for name, value in new.items()
             if abs(value - getattr(old, name)) > 0.005 * abs(value)
         )
-        change = change or "nothing: the board already has these gains"
+        if not change:
+            change = "nothing: the board already has these gains"
+        elif not board.better:
+            change = f"none is worth it: the new gains ({change}) are no better than the old ones"
         before = SpeedLoop.of_board(design.plant, old.kp, old.ki).margins()
         errors = "; ".join(
             tracking_change(b, a) for b, a in zip(board.before.tracking, board.after.tracking, strict=True)
