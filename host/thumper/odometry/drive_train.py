@@ -84,8 +84,11 @@ class DriveTrainEstimate:
     mean: WheelEstimate
     left: WheelEstimate
     right: WheelEstimate
-    # Left minus right [PWM at 7.4 V]. Only turns in place show it, or curves with one side backward.
-    friction_difference: Estimate | None = None
+    # Torque of friction, left minus right, as the PWM at 7.4 V that gives it on a mean side. A weak bridge
+    # needs more PWM for the same friction and does not change it. Only turns in place show it, or curves with
+    # one side backward.
+    drag_difference: Estimate | None = None
+    gain_ratio: Estimate | None = None  # left to right; shown before the gain of each side is determined
 
 
 NOTHING = WheelEstimate(gain=None, time_constant_s=None, friction=None)
@@ -156,7 +159,8 @@ class DriveTrainEstimator:
             mean=_side(theta, covariance, tau, 0.0),
             left=_side(theta, covariance, tau, -1.0),
             right=_side(theta, covariance, tau, 1.0),
-            friction_difference=_friction_difference(theta, covariance),
+            drag_difference=_drag_difference(theta, covariance),
+            gain_ratio=_gain_ratio(theta, covariance),
         )
 
 
@@ -199,13 +203,27 @@ def _side(theta: FloatArray, covariance: FloatArray, tau: Estimate | None, sign:
     )
 
 
-def _friction_difference(theta: FloatArray, covariance: FloatArray) -> Estimate | None:
+def _drag_difference(theta: FloatArray, covariance: FloatArray) -> Estimate | None:
+    """Return `((c - d) - (c + d)) / K`."""
     if theta[K] <= 0.0:
         return None
     value = -2.0 * theta[D] / theta[K]
     gradient = np.zeros_like(theta)
     gradient[[K, D]] = -value / theta[K], -2.0 / theta[K]
     return Estimate(float(value), _std(gradient, covariance))
+
+
+def _gain_ratio(theta: FloatArray, covariance: FloatArray) -> Estimate | None:
+    """Return `(K - p) / (1 - delta)`, left, over `(K + p) / (1 + delta)`, right."""
+    left, right = theta[K] - theta[P], theta[K] + theta[P]
+    left_damping, right_damping = 1.0 - theta[DELTA], 1.0 + theta[DELTA]
+    if min(left, right, left_damping, right_damping) <= 0.0:
+        return None
+    value = float(left / left_damping / (right / right_damping))
+    relative = np.zeros_like(theta)
+    relative[K], relative[P] = 1.0 / left - 1.0 / right, -1.0 / left - 1.0 / right
+    relative[DELTA] = 1.0 / left_damping + 1.0 / right_damping
+    return Estimate(value, value * math.hypot(_std(relative, covariance), MODEL_GAIN))
 
 
 def _std(gradient: FloatArray, covariance: FloatArray) -> float:

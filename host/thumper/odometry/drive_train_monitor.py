@@ -75,10 +75,11 @@ class DriveTrainMonitor:
         model, estimate = self.feed_forward, self.estimate
         if estimate is None or model is None or model.kv <= 0.0:
             return found
-        side = dragging_side(estimate.friction_difference, model)
-        if side:
-            found["WHEELS_SIDE"] = f"{side}; check its wheels and motors, then {TUNE}"
-        parts = drifts(estimate.mean, model, of_one_side=bool(side))
+        drags, is_weak = dragging_side(estimate.drag_difference, model), weaker_side(estimate.gain_ratio)
+        sides = [line for line in (drags, is_weak) if line]
+        if sides:
+            found["WHEELS_SIDE"] = f"{'; '.join(sides)}; check its wheels and motors, then {TUNE}"
+        parts = drifts(estimate.mean, model, of_one_side=bool(sides))
         if parts:
             found["WHEELS"] = f"{'; '.join(parts)}; check the wheels and the battery, then {TUNE}"
         return found
@@ -92,6 +93,23 @@ def dragging_side(difference: Estimate | None, model: BoardWheelModel) -> str:
     return (
         f"the {side} side needs {abs(difference.value):.0f} PWM more against friction than the {other}: "
         f"a wheel drags on the {side}"
+    )
+
+
+def weaker_side(ratio: Estimate | None) -> str:
+    """Return which side turns slower at the same PWM, beyond noise and usual spread; else nothing.
+
+    `ratio`: of the gains, left to right.
+    """
+    if ratio is None:
+        return ""
+    weaker = 1.0 - min(ratio.value, 1.0 / ratio.value)
+    if weaker <= max(SIGMAS * ratio.std / ratio.value, GAIN_SHARE):
+        return ""
+    side, other = ("left", "right") if ratio.value < 1.0 else ("right", "left")
+    return (
+        f"the {side} side turns {100 * weaker:.0f} % slower than the {other} at the same PWM: "
+        "its bridge, cables or motors are weak"
     )
 
 
