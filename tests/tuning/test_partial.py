@@ -151,3 +151,25 @@ def test_a_start_in_motion_does_not_determine_the_delay(fit: Fit) -> None:
     assert result["time_constant_s"] == pytest.approx(0.2, rel=0.1)
     assert result["delay_s"] is None
     assert "delay_s" in str(result["not_determined"])
+
+
+def test_a_step_of_a_controller_is_one_level_with_a_warning(fit: Fit) -> None:
+    """The noise moves the drive, so the drive that holds the speed has many values."""
+    noise_rad_s = np.random.default_rng(3).normal(0.0, 0.05, 200)
+    target = np.where(np.arange(200) < 30, 0.0, 6.0)
+    pwm, speed = np.zeros(200), np.zeros(200)
+    truth_rad_s = integral = 0.0
+    for k in range(200):
+        speed[k] = truth_rad_s + noise_rad_s[k]
+        integral += 4.0 * (target[k] - speed[k])
+        pwm[k] = np.round(30.0 * (target[k] - speed[k]) + integral)
+        drive = max(abs(pwm[k]) - 20.0, 0.0) * np.sign(pwm[k])
+        truth_rad_s += (0.06 * drive - truth_rad_s) * -np.expm1(-0.02 / 0.08)
+    result = fit("time_s,setpoint,pwm,speed_rad_s", 0.02 * np.arange(200.0), target, pwm, speed)
+    steady = result["steady"]
+    assert isinstance(steady, list)
+    assert len(steady) == 1
+    assert steady[0]["drive_pwm"] == pytest.approx(120.0, abs=1.0)
+    assert steady[0]["speed_rad_s"] == pytest.approx(6.0, abs=0.05)
+    assert "recorded in closed loop" in str(result["warnings"])
+    assert " in 90 % of the rows" in str(result["reason"])

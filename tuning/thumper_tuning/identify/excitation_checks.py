@@ -92,8 +92,11 @@ def _check_levels(name: str, unit: DriveUnit, drive: FloatArray) -> None:
         return
     saturated = unit is DriveUnit.PWM and high >= 0.98 * FULL_PWM
     what = "saturated: the drive is at its limit" if saturated else "one drive level only"
+    level = f"{high:g} {unit.value}"
+    if low < high:
+        level = f"{low:g} ... {level} in 90 % of the rows"
     raise undetermined(
-        f"{name}: {what} ({high:g} {unit.value}) whenever the motor is driven: gain and static friction "
+        f"{name}: {what} ({level}) whenever the motor is driven: gain and static friction "
         f"cannot be separated; {RECORD}"
     )
 

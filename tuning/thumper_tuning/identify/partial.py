@@ -103,6 +103,10 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
     if best.fit_percent < MIN_FIT_PERCENT or not 0.0 < std[1] <= MAX_RELATIVE_STD:
         raise reason
     warnings = [warning for log in logs for warning in log.warnings]
+    if any(log.has_setpoint for log in logs):
+        warnings.append(
+            "recorded in closed loop: feedback can bias the time constant; record open-loop steps to check"
+        )
     if glitches := best.glitches(segments):
         warnings.append(glitches)
     if friction_s > 0.0:
@@ -296,9 +300,12 @@ def _effect_of_friction_s(data: FitData, fit: _LinearFit) -> float:
 
 
 def _steady_speeds(segments: list[LogSegment], model: MotorModel, use: BoolArray) -> list[SteadySpeed]:
-    """Return the mean speed of each level after it held for the delay and four time constants."""
+    """Return the mean speed of each level after it held for the delay and four time constants.
+
+    Levels of one sign that follow each other closely, as those of a controller, are one: their mean.
+    """
     settling_s = model.delay_s + SETTLED_TIME_CONSTANTS * model.time_constant_s
-    found: dict[float, list[FloatArray]] = {}
+    found: list[FloatArray] = []  # drive and speed, shape (2, n) each
     first = 0
     for s in segments:
         kept = use[first : first + len(s.speed_rad_s)]
@@ -307,10 +314,14 @@ def _steady_speeds(segments: list[LogSegment], model: MotorModel, use: BoolArray
         changes = np.concatenate(([True], np.abs(np.diff(drive)) > SAME_LEVEL * np.abs(drive).max()))
         start_s = s.edge_s[:-1][np.maximum.accumulate(np.where(changes, np.arange(len(drive)), 0))]
         settled = kept & (s.edge_s[1:] - start_s > settling_s) & (drive != 0.0)
-        for level in np.unique(drive[settled]):
-            found.setdefault(float(level), []).append(s.speed_rad_s[settled & (drive == level)])
+        found.append(np.stack((drive[settled], s.speed_rad_s[settled])))
+    drive, speed = np.concatenate(found, axis=1)
+    order = np.argsort(drive, kind="stable")
+    drive, speed = drive[order], speed[order]
+    apart = np.diff(drive) > SAME_LEVEL * np.abs(drive).max(initial=0.0)
+    edges = np.flatnonzero(apart | (np.diff(np.sign(drive)) != 0.0)) + 1
     return [
-        SteadySpeed(drive=level, speed_rad_s=float(np.mean(y)), std_rad_s=float(np.std(y)))
-        for level, parts in sorted(found.items())
-        if len(y := np.concatenate(parts)) >= 3
+        SteadySpeed(drive=float(np.mean(u)), speed_rad_s=float(np.mean(y)), std_rad_s=float(np.std(y)))
+        for u, y in zip(np.split(drive, edges), np.split(speed, edges), strict=True)
+        if len(y) >= 3
     ]

@@ -50,7 +50,7 @@ def partial_lines(motor: PartialMotor) -> list[str]:
         f"  time constant    {motor.time_constant_s:9.4f} +- {motor.time_constant_std_s:.4f} s",
         *delay,
         *[
-            f"  speed            {s.speed_rad_s:9.3f} +- {s.std_rad_s:.3f} rad/s at {s.drive:g} {unit}"
+            f"  speed            {s.speed_rad_s:9.3f} +- {s.std_rad_s:.3f} rad/s at {s.drive:.4g} {unit}"
             for s in motor.steady
         ],
         f"  not determined   {', '.join(motor.not_determined)}: {motor.reason}",
