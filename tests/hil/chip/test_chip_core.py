@@ -135,7 +135,7 @@ def test_a_chip_built_from_older_sources_is_refused(
     build_avr: BuildAvr, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     old = tmp_path / "old.so"
-    subprocess.run(["gcc", "-shared", "-x", "c", "/dev/null", "-o", old], check=True)
+    subprocess.run(["gcc", "-shared", "-x", "c", "-", "-o", old], input=b"", check=True)
     monkeypatch.setattr(native_library, "LIBRARY", old)
     monkeypatch.setattr("thumper_hil.chip.chip.load_library", native_library.load_library.__wrapped__)
     with pytest.raises(ChipError, match="built from older sources; run `make chip`"):
