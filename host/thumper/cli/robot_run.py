@@ -16,7 +16,6 @@ from thumper.cli.output.folder import prepare_output
 from thumper.cli.resume import AUTOSAVE, autosaved, load_interrupted, set_aside_interrupted
 from thumper.cli.start_map import load_start_map
 from thumper.common.geometry import Pose2
-from thumper.common.serial_port import check_port_exists
 from thumper.config.robot import RobotConfig, load_config, with_ports
 from thumper.dashboard.process import dashboard_process
 from thumper.maps.annotations import annotations_path, load_annotations
@@ -59,12 +58,11 @@ class RunOptions:
         Raises
         ------
         ThumperError
-            The start pose, the configuration, the board's port, the bus address or the folder is unusable.
+            The start pose, the configuration, the bus address or the folder is unusable.
         """
         if self.start is not None:
             check_place("--start", *self.start[:2])
         settings = with_ports(load_config(self.config), board=self.board, lidar=self.lidar)
-        check_port_exists(settings.board.port, "board")
         if self.bus:
             settings = replace(settings, bus=settings.bus.at(self.bus))
         prepare_output(self.out)
