@@ -23,8 +23,8 @@ class Adc {
   /// Read the accelerometer, too. Written by the main loop.
   void UseAccelerometer(bool used) { axes_used_ = used; }
 
-  /// Call once per millisecond from the interrupt: add the finished sample and start the next channel. The first
-  /// call only starts.
+  /// Call once per millisecond from the interrupt: add the finished sample and start the next channel. The
+  /// first call only starts.
   void Step() {
     if ((ADCSRA & 1 << ADIF) == 0) {
       if (silent_ms_ < kSilent_ms) ++silent_ms_;
