@@ -153,6 +153,10 @@ class Board:
 
     def command(self, command: Command) -> None:
         """Change the board's state; raise `ThumperError` if it refuses or does not answer."""
+        if command is Command.SAVE:
+            for _ in self.save():
+                pass
+            return
         self._request_ack(CommandRequest(command=command), f"{command.name.lower()} command")
 
     def save(self) -> Iterator[None]:
@@ -279,9 +283,8 @@ class Board:
     def _request_ack(self, request: Message, what: str) -> None:
         """Send a request until it is acknowledged; `what` names it in error messages."""
         refusal = ""
-        saves = request == CommandRequest(command=Command.SAVE)
         for _ in range(REQUEST_TRIES):
-            reply, _ = self._request(request, Ack, SAVE_TIMEOUT_S if saves else REPLY_TIMEOUT_S)
+            reply, _ = self._request(request, Ack)
             if isinstance(reply, Ack):
                 if reply.status is AckStatus.OK:
                     return
@@ -293,14 +296,12 @@ class Board:
             raise ThumperError(f"the board refused the {what}: {refusal}")
         raise ThumperError(f"the board did not answer the {what}; is the cable loose?")
 
-    def _request(
-        self, request: Message, reply_type: type[Message], timeout_s: float = REPLY_TIMEOUT_S
-    ) -> tuple[Message | None, int]:
+    def _request(self, request: Message, reply_type: type[Message]) -> tuple[Message | None, int]:
         """Send once and wait; return the reply to this request, and the number of bytes received."""
         sequence = self._send(request)
         self._replies.clear()
         received = 0
-        deadline_s = self.now_s() + timeout_s
+        deadline_s = self.now_s() + REPLY_TIMEOUT_S
         while self.now_s() < deadline_s:
             received += self._receive(deadline_s - self.now_s())
             for reply in self._replies:
