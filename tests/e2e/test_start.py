@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
+from tests.loaded_modules import help_of, printed_and_loaded
+
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -44,37 +46,23 @@ def test_goto_accepts_negative_coordinates(thumper: Run) -> None:
 
 def test_help_loads_no_slow_library() -> None:
     """`benchmarks/cli.py` measures the time."""
-    code = (
-        "import sys; sys.argv = ['thumper', 'run', '--help']\n"
-        "from thumper.cli.app import main\n"
-        "try: main()\n"
-        "except SystemExit: pass\n"
-        "slow = {'numpy', 'numba', 'scipy', 'matplotlib', 'serial', 'rosbags', 'thumper.ros.services'}\n"
-        "print(slow & set(sys.modules))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "set()"
+    slow = ("numpy", "numba", "scipy", "matplotlib", "serial", "rosbags", "thumper.ros.services")
+    assert printed_and_loaded(help_of("run"), slow)[1] == set()
 
 
 def test_what_runs_no_kernel_loads_no_compiler() -> None:
     """The page beside each robot, and wrong input that a command refuses before it drives."""
-    code = (
-        "import sys, thumper.dashboard.server, thumper.cli.robot_run\n"
-        "print({'numba', 'llvmlite', 'matplotlib'} & set(sys.modules))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "set()"
+    code = "import thumper.dashboard.server, thumper.cli.robot_run"
+    assert printed_and_loaded(code, ("numba", "llvmlite", "matplotlib"))[1] == set()
 
 
 def test_a_running_robot_loads_no_library_that_it_does_not_need() -> None:
     """Scipy takes 22 MB, matplotlib 27: only pictures at the end of a drive need the latter."""
     code = (
-        "import sys, thumper.cli.robot_run\n"
+        "import thumper.cli.robot_run\n"
         "from thumper.config.robot import RobotConfig\n"
         "from thumper.runtime.assembly import warm_up\n"
         "warm_up(RobotConfig())\n"
-        "slow = {'scipy.linalg', 'scipy.sparse', 'matplotlib', 'PIL', 'nicegui', 'control'}\n"
-        "print(slow & set(sys.modules))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "set()"
+    slow = ("scipy.linalg", "scipy.sparse", "matplotlib", "PIL", "nicegui", "control")
+    assert printed_and_loaded(code, slow)[1] == set()

@@ -10,6 +10,7 @@ import pytest
 from benchmarks.shared.wheel_plant import Wheel, counted, steps_and_prbs
 from rich.console import Console
 
+from tests.loaded_modules import help_of, printed_and_loaded
 from thumper_tuning.cli.steps import ConsoleProgress
 from thumper_tuning.cli.tune import report
 
@@ -18,16 +19,10 @@ THUMPER = Path(sys.executable).with_name("thumper")
 
 @pytest.mark.parametrize("command", ["", "record", "fit", "design", "verify", "report"])
 def test_help_loads_no_slow_library(command: str) -> None:
-    code = (
-        f"import sys; sys.argv = ['thumper', 'tune', *{command!r}.split(), '--help']\n"
-        "from thumper.cli.app import main\n"
-        "try: main()\n"
-        "except SystemExit: pass\n"
-        "print({'numpy', 'numba', 'scipy', 'matplotlib', 'serial', 'control'} & set(sys.modules))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "set()"
-    assert "--help" in done.stdout
+    slow = ("numpy", "numba", "scipy", "matplotlib", "serial", "control")
+    printed, loaded = printed_and_loaded(help_of("tune", *command.split()), slow)
+    assert loaded == set()
+    assert "--help" in printed
 
 
 def test_the_help_of_fit_names_the_columns() -> None:
