@@ -8,7 +8,7 @@ import typer
 
 from thumper.cli.options.bus import connect
 from thumper.cli.options.common import BusAddress, ClearFault, ConfigFile, GoalTolerance, RobotName
-from thumper.cli.usage_errors import is_number
+from thumper.common.texts import is_number
 
 if TYPE_CHECKING:
     from thumper.bus.client import BusClient

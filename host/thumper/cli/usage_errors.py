@@ -4,7 +4,7 @@ from typing import Any
 
 import typer
 
-from thumper.common.texts import close_names
+from thumper.common.texts import close_names, is_number
 
 # Typer brings click's exceptions, in newer versions as a copy of its own.
 UsageError: Any = typer.BadParameter.__base__
@@ -56,12 +56,3 @@ def refuse_unknown_options(context: Any, words: list[str]) -> None:
             return
         if word.startswith("-") and word.partition("=")[0] not in known and not is_number(word):
             context.fail(no_such_option(context, word))
-
-
-def is_number(text: str) -> bool:
-    """Return whether a text is a number."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -23,3 +23,12 @@ def choice_hint(name: str, names: Collection[str]) -> str:
     """Return the fix for an unknown name: the name that was meant, else all names."""
     close = close_names(name, names)
     return f"did you mean {close[0]!r}?" if close else f"choose from: {', '.join(names)}"
+
+
+def is_number(text: str) -> bool:
+    """Return whether a text is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

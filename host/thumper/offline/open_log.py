@@ -10,6 +10,7 @@ from typing import TextIO
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import open_regular
+from thumper.common.texts import is_number
 from thumper.offline import carmen, mines_paristech
 from thumper.offline.robot_log import RobotLog, TextLogFormat, refuse_fov
 
@@ -173,16 +174,8 @@ def _what_it_is(path: Path, packed: bool) -> str:
         return "not a text log"
     line = start.decode(errors="replace").strip().splitlines()[0]
     fields = line.replace(",", " ").replace(";", " ").split()
-    if all(_is_number(field) for field in fields):
+    if all(is_number(field) for field in fields):
         return (
             f"unknown log format: the first line has {len(fields)} numbers, and a MINES log has 706 per line"
         )
     return f"unknown log format: the first line starts with {line[:20]!r}, and a CARMEN log has FLASER lines"
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
