@@ -25,7 +25,7 @@ from thumper_hil.chip.preemption import Interrupt
 STRIDE: dict[Scenario, int] = {
     telemetry_is_whole: 3,
     edges_are_counted: 12,
-    sensors_go_on: 10,
+    sensors_go_on: 3,
     tone_leaves_the_motors_off: 4,
 }
 """Sweeping every instruction takes minutes; `python -m tests.firmware.preemption.scenarios` does."""

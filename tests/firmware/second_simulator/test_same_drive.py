@@ -29,8 +29,8 @@ from thumper_hil.chip.robot_params import RobotParams
 
 CYCLES_PER_MS = CPU_HZ // 1000
 UNTIL_MS = 9000
-CUT_MS, BLOCKED_MS = 5400, 7500
-AGAIN_MS = 6720  # not on a control tick: which of both is first depends on a few cycles
+# The cut and its end are not on a control tick: which of both is first depends on a few cycles.
+CUT_MS, AGAIN_MS, BLOCKED_MS = 5420, 6720, 7500
 KP = next(setting for setting in PARAMETERS if setting.name == "kp")
 SPEEDS = {300: (5.0, 5.0), 1500: (-3.0, 3.0), 2800: (8.0, 6.0), 3800: (4.0, 4.0)}
 """Set-points [rad/s] from these milliseconds on: ahead, turn on the spot, fast curve, ahead."""
