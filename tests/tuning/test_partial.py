@@ -83,14 +83,27 @@ def test_what_a_part_determines_is_exported(tmp_path: Path, capsys: pytest.Captu
     )
 
 
-def test_noise_before_a_step_is_no_start_in_motion(fit: Fit) -> None:
-    rng = np.random.default_rng(4)
+def steps_with_noise(wheel: Wheel) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return time, drive and a noisy speed of 15 steps from rest."""
     time_s = 0.02 * np.arange(1500, dtype=float)
     pwm = np.repeat(np.tile((0.0, 90.0, 0.0, -150.0, 0.0, 200.0), 5), 50)
-    speed = np.diff(counts_of(time_s, pwm), prepend=0.0) * COUNT_RAD / 0.02 + rng.normal(0.0, 0.15, 1500)
-    result = fit("time_s,pwm,speed_rad_s", time_s, pwm, speed)
+    noise_rad_s = np.random.default_rng(4).normal(0.0, 0.15, 1500)
+    counts = counted(wheel.drive(time_s, pwm, 1))
+    return time_s, pwm, np.diff(counts, prepend=0.0) * COUNT_RAD / 0.02 + noise_rad_s
+
+
+def test_noise_before_a_step_is_no_start_in_motion(fit: Fit) -> None:
+    result = fit("time_s,pwm,speed_rad_s", *steps_with_noise(WHEEL))
     assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, rel=0.1)
     assert result["warnings"] == []
+
+
+def test_noise_does_not_hide_that_drive_and_motion_start_in_one_row(fit: Fit) -> None:
+    """The loop sets the PWM, waits, measures and logs: the row holds the drive before it."""
+    time_s, pwm, speed = steps_with_noise(Wheel())
+    result = fit("time_s,pwm,speed_rad_s", time_s[1:], pwm[:-1], speed[1:])
+    assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, rel=0.05)
+    assert "starts in the same row as the drive" in str(result["warnings"])
 
 
 def test_glitches_are_named_with_their_time(fit: Fit) -> None:

@@ -5,25 +5,43 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.motor_log import BoolArray
 
-REST_ROWS = 3  # without drive and motion before a start
+STILL_ROWS = 3  # without drive and motion before a start
+NOISE_ROWS = 6  # without drive, if noise hides that the wheel is still
+MOTION_SIGMAS = 4.0  # of the noise
+MEDIAN_STD = (0.5 * np.pi) ** 0.5  # of the median of many normal values, in standard deviations of their mean
 WARNING = (
     "the speed starts in the same row as the drive: each row's drive is taken as applied since the row before"
 )
 
 
 def acts_before_its_row(drive: FloatArray, motion: FloatArray, starts_segment: BoolArray) -> bool:
-    """Return whether most starts from rest show motion in the row in which the drive begins.
+    """Return whether the wheel already turns in the row in which the drive begins, at most starts from rest.
 
     A loop that writes the PWM, waits, measures and then logs makes such rows. `motion[k]` is the speed or the
     counts of the interval that ends at row k.
     """
-    idle = (drive == 0.0) & (np.nan_to_num(motion) == 0.0)
-    early = late = 0
-    for k in range(REST_ROWS, len(drive)):
-        rested = idle[k - REST_ROWS : k].all() and not starts_segment[k - REST_ROWS + 1 : k + 1].any()
-        if rested and drive[k] != 0.0 and np.isfinite(motion[k]):
-            early, late = early + (motion[k] != 0.0), late + (motion[k] == 0.0)
-    return early > late
+    first, variance = [], []
+    segment = np.cumsum(starts_segment)
+    begins = np.flatnonzero((drive[1:] != 0.0) & (drive[:-1] == 0.0)) + 1
+    for k in begins[np.isfinite(motion[begins])].tolist():
+        before = slice(max(k - NOISE_ROWS, 0), k)
+        off = (drive[before] == 0.0) & (segment[before] == segment[k])
+        noise = _noise_at_rest(motion[before], off)
+        if noise is not None:
+            first.append(np.sign(drive[k]) * motion[k])
+            variance.append(noise**2)
+    if not first:
+        return False
+    median_std = MEDIAN_STD * np.sqrt(np.mean(variance) / len(first))
+    return bool(np.percentile(first, 50.0, method="lower") > MOTION_SIGMAS * median_std)
+
+
+def _noise_at_rest(motion: FloatArray, off: BoolArray) -> float | None:
+    """Return the std of the motion before a start; None if the wheel turns, or of too few rows."""
+    if len(off) >= STILL_ROWS and off[-STILL_ROWS:].all() and not np.nan_to_num(motion[-STILL_ROWS:]).any():
+        return 0.0
+    std = float(np.std(motion))
+    return std if len(off) == NOISE_ROWS and off.all() and abs(float(np.mean(motion))) <= std else None
 
 
 def shifted(drive: FloatArray, starts_segment: BoolArray) -> FloatArray:
