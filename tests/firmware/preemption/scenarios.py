@@ -16,6 +16,7 @@ from thumper.board.messages import (
     CommandRequest,
     Fault,
     GyroscopeState,
+    Identify,
     Identity,
     SetMotorPwm,
     SetParameter,
@@ -112,7 +113,9 @@ def command_is_whole(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
     forced = interrupt is Interrupt.TICK
     run_to_tick(chip, 0.05 if forced else 0.9e-3)
     send(chip, SetWheelSpeeds(left=NEW[0], right=NEW[1]))
-    window_s, tail_s = (1e-3, 0.2e-3) if forced else (0.5e-3, 1.2e-3)
+    if forced:
+        run_for(chip, 0.2e-3)  # all but the last bytes have arrived
+    window_s, tail_s = (0.1e-3, 0.2e-3) if forced else (0.5e-3, 1.2e-3)
     branches = chip.sweep(interrupt, seconds=window_s, tail_s=tail_s, watch=(command, command), stride=stride)
     old, new = (
         bytes((State.CLOSED_LOOP,)) + b"".join(v.to_bytes(2, "little", signed=True) for v in pair)
@@ -160,10 +163,12 @@ def reversal_rests(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
 
 
 def edges_are_counted(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
-    """Each edge is counted, and reaches the telemetry of the next tick."""
+    """Each edge is counted and reaches the telemetry of the next tick; a request beside it is answered."""
     chip = SweptChip(elf, params=RobotParams.load(), seed=1)
     run_for(chip, 0.3)
     run_to_tick(chip, BEFORE_TICK_S)
+    chip.receive(chip.available)
+    send(chip, Identify())
     samples = symbol(elf, "samples")
     branches = chip.sweep(
         interrupt, seconds=WINDOW_S, tail_s=TICK_S + 4e-3, watch=(samples, samples), stride=stride
@@ -171,20 +176,35 @@ def edges_are_counted(elf: Path, interrupt: Interrupt, stride: int) -> list[str]
     failures = [
         f"{branch.address:#06x}: {text}" for branch in branches for text in uncounted(branch, interrupt)
     ]
+    failures += [
+        f"{branch.address:#06x}: a request was lost"
+        for branch in branches
+        if all(frame.message_id != Identity.ID for frame in frames_of(branch))
+    ]
     return failures if branches else ["no instruction was swept"]
 
 
-def uncounted(branch: Branch, interrupt: Interrupt) -> Iterable[str]:
-    """Yield what went wrong with one edge of a stationary robot."""
-    told = [frame.payload for frame in frames_of(branch) if frame.message_id == Telemetry.ID]
+def uncounted(
+    branch: Branch, interrupt: Interrupt, faults: tuple[Fault, ...] = (Fault.NONE,)
+) -> Iterable[str]:
+    """Yield what went wrong after one edge of a stationary robot: with the counts or with any frame."""
+    decoder = FrameDecoder()
+    told = [frame.payload for frame in decoder.feed(branch.received) if frame.message_id == Telemetry.ID]
     samples = [Telemetry.unpack(payload) for payload in told]
     if branch.crashed or not samples:
         yield "crashed, or no telemetry"
         return
+    if decoder.errors:
+        yield "a damaged frame"
+    if any(payload[: len(branch.exits[0])] not in branch.exits for payload in told):
+        yield "telemetry mixes two ticks"
+    if any(sample.fault not in faults or sample.rx_errors != 0 for sample in samples):
+        yield "a fault or an error of reception"
     last = samples[-1]
-    counts = last.left_count if interrupt is Interrupt.LEFT_EDGE else last.right_count
-    if abs(counts) != 1 or last.lost_edges != 0:
-        yield f"count {counts} and {last.lost_edges} lost after one edge"
+    counts = abs(last.left_count), abs(last.right_count)
+    expected = (1, 0) if interrupt is Interrupt.LEFT_EDGE else (0, 1)
+    if counts != expected or last.lost_edges != 0:
+        yield f"counts {counts} and {last.lost_edges} lost after one edge"
 
 
 def sensors_go_on(elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
@@ -252,14 +272,20 @@ def too_loud(branch: Branch) -> Iterable[str]:
         yield f"a motor rested {1000 * rest_s:.2f} ms"
 
 
-SCENARIOS: dict[Scenario, tuple[Interrupt, ...]] = {
-    telemetry_is_whole: (Interrupt.TICK, Interrupt.MILLISECOND, Interrupt.RECEIVE, Interrupt.SEND),
-    command_is_whole: (Interrupt.TICK, Interrupt.MILLISECOND),
-    reversal_rests: (Interrupt.TICK,),
-    edges_are_counted: (Interrupt.LEFT_EDGE, Interrupt.RIGHT_EDGE),
-    sensors_go_on: (Interrupt.ANALOGUE, Interrupt.I2C),
-    tone_leaves_the_motors_off: (Interrupt.TONE_PULSE, Interrupt.MILLISECOND, Interrupt.TICK),
+SCENARIOS: dict[Scenario, dict[Interrupt, int]] = {
+    telemetry_is_whole: {
+        Interrupt.TICK: 13,
+        Interrupt.MILLISECOND: 31,
+        Interrupt.RECEIVE: 31,
+        Interrupt.SEND: 31,
+    },
+    command_is_whole: {Interrupt.TICK: 1, Interrupt.MILLISECOND: 11},
+    reversal_rests: {Interrupt.TICK: 3},
+    edges_are_counted: {Interrupt.LEFT_EDGE: 47, Interrupt.RIGHT_EDGE: 47},
+    sensors_go_on: {Interrupt.ANALOGUE: 17, Interrupt.I2C: 7},
+    tone_leaves_the_motors_off: {Interrupt.TONE_PULSE: 5, Interrupt.MILLISECOND: 5, Interrupt.TICK: 7},
 }
+"""Each interrupt that a scenario forces, and after every how many instructions the tests do so."""
 
 
 def main() -> int:

@@ -22,14 +22,6 @@ from tests.firmware.preemption.scenarios import (
 )
 from thumper_hil.chip.preemption import Interrupt
 
-STRIDE: dict[Scenario, int] = {
-    telemetry_is_whole: 3,
-    edges_are_counted: 12,
-    sensors_go_on: 3,
-    tone_leaves_the_motors_off: 4,
-}
-"""Sweeping every instruction takes minutes; `python -m tests.firmware.preemption.scenarios` does."""
-
 
 @dataclass(frozen=True, slots=True)
 class Guard:
@@ -71,6 +63,13 @@ GUARDS: dict[str, Guard] = {
     "register that the I2C interrupt saves": Guard(
         sensors_go_on, '"pop r24\\n\\t"', "crashed", '"pop r0\\n\\t"', Interrupt.I2C, "board/mpu6050.hpp"
     ),
+    "flags that the edge interrupt restores": Guard(
+        edges_are_counted,
+        '"out __SREG__, r24\\n\\t"',
+        "a damaged frame",
+        interrupt=Interrupt.LEFT_EDGE,
+        file="board/encoder_edge.hpp",
+    ),
     "register that the analogue interrupt leaves alone": Guard(
         sensors_go_on,
         "adc.ConvertAxis();",
@@ -91,8 +90,9 @@ GUARDS: dict[str, Guard] = {
 }
 
 
-def failures_of(scenario: Scenario, elf: Path, interrupt: Interrupt, stride: int) -> list[str]:
+def failures_of(scenario: Scenario, elf: Path, interrupt: Interrupt) -> list[str]:
     """Run a scenario in a small new process: it forks thousands of times, and a fork copies page tables."""
+    stride = SCENARIOS[scenario][interrupt]
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as small_process:
         return small_process.submit(scenario, elf, interrupt, stride).result()
 
@@ -103,9 +103,7 @@ def failures_of(scenario: Scenario, elf: Path, interrupt: Interrupt, stride: int
     ids=lambda value: value.name.lower() if isinstance(value, Interrupt) else value.__name__,
 )
 def test_an_interrupt_anywhere_tears_nothing(scenario: Scenario, interrupt: Interrupt) -> None:
-    short = interrupt is Interrupt.TICK or scenario is tone_leaves_the_motors_off
-    stride = STRIDE.get(scenario, 1) * (1 if short else 5)
-    assert failures_of(scenario, ELF, interrupt, stride) == []
+    assert failures_of(scenario, ELF, interrupt) == []
 
 
 @pytest.mark.parametrize("name", GUARDS)
@@ -119,5 +117,5 @@ def test_the_sweep_finds_a_missing_guard(name: str, tmp_path: Path) -> None:
     source.write_text(text.replace(guard.old, guard.new), encoding="utf-8")
     subprocess.run(["make", "-s", "-C", str(firmware)], check=True, capture_output=True)
     elf = firmware / "build" / "thumper.elf"
-    failures = failures_of(guard.scenario, elf, guard.interrupt, STRIDE.get(guard.scenario, 1))
+    failures = failures_of(guard.scenario, elf, guard.interrupt)
     assert any(guard.expected in failure for failure in failures), failures

@@ -13,6 +13,8 @@ gyroscope goes on and no fault appears that nobody caused.
 
 import argparse
 import os
+import re
+import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -164,9 +166,26 @@ def sweep(elf: Path, phase: Phase, interrupt: Interrupt, visits: int) -> tuple[s
     failures = [
         f"{branch.address:#06x}: {text}"
         for branch in branches
-        for text in (uncounted(branch, interrupt) if edge else failures_of(branch, interrupt, phase))
+        for text in (
+            uncounted(branch, interrupt, phase.faults) if edge else failures_of(branch, interrupt, phase)
+        )
     ]
     return {branch.address for branch in branches}, failures
+
+
+def main_loop_addresses(elf: Path) -> set[int]:
+    """Return the addresses of all instructions of main(), start-up included, and of what it calls."""
+    text = subprocess.run(["avr-objdump", "-d", elf], capture_output=True, text=True, check=True).stdout
+    functions = {part.partition(">:")[0]: part for part in re.split(r"^\w+ <", text, flags=re.MULTILINE)}
+    found: set[str] = set()
+    waiting = {"main"}
+    while waiting:
+        name = waiting.pop()
+        found.add(name)
+        targets = re.findall(r"\b(?:r?call|r?jmp|br\w\w)\s.*<([\w.]+)", functions[name])
+        waiting |= {*targets} & functions.keys() - found
+    lines = (re.findall(r"^ +(\w+):\t", functions[name], re.MULTILINE) for name in found)
+    return {int(address, 16) for addresses in lines for address in addresses}
 
 
 def spent_s() -> float:
@@ -183,6 +202,7 @@ def main() -> int:
     parser.add_argument("--phases", nargs="+", choices=PHASES, default=list(PHASES))
     arguments = parser.parse_args()
     failed = False
+    every = main_loop_addresses(ELF)
     for name in arguments.only:
         interrupt, start_s = Interrupt[name], spent_s()
         reached: set[int] = set()
@@ -196,7 +216,8 @@ def main() -> int:
             failures += [f"{phase}, {text}" for text in found]
         failed = failed or bool(failures)
         seconds = spent_s() - start_s
-        print(f"{name}: {len(reached)} instructions, {len(failures)} failures, {seconds:.0f} s", flush=True)
+        share = f"{len(reached)} of {len(every)} instructions"
+        print(f"{name}: {share}, {len(failures)} failures, {seconds:.0f} s", flush=True)
         print(*failures[:8], sep="\n", end="\n" if failures else "", flush=True)
     return int(failed)
 
