@@ -1,7 +1,7 @@
 """Exchanges frames with a chip that has no robot and no port."""
 
 from thumper.board.framing import Frame, FrameDecoder, encode_frame
-from thumper.board.messages import Identify, Identity, Message
+from thumper.board.messages import Fault, Identify, Identity, Message, Telemetry
 from thumper_hil.chip.chip import CPU_HZ, Chip
 
 ANSWER_S = 0.02
@@ -34,3 +34,10 @@ def identity(chip: Chip) -> Identity | None:
     """Request the identity; return None without an answer."""
     frame = ask(chip, Identify(), Identity)
     return Identity.unpack(frame.payload) if frame else None
+
+
+def first_fault(seen: list[Telemetry]) -> tuple[Fault, int]:
+    """Return the first fault in telemetry, and its time [us] after the tick that first drove a motor."""
+    driven_us = next(sample.time_us for sample in seen if sample.left_pwm != 0 or sample.right_pwm != 0)
+    found = next((sample for sample in seen if sample.fault is not Fault.NONE), seen[-1])
+    return found.fault, found.time_us - driven_us
