@@ -20,7 +20,8 @@ from typing import NamedTuple
 from tests.firmware.board.boot import ROOT
 
 SAFETY_CASE = ROOT / "docs" / "explanation" / "safety.md"
-CHIP_LIBRARY = Path("hil/thumper_hil/chip/native/build")
+BUILT = ("hil/thumper_hil/chip/native/build", "host/thumper/kernels", "hil/thumper_hil/kernels")
+"""Folders that git ignores and a copy needs: to compile the kernels again takes a robot over a minute."""
 INTERFACE, MAIN, MISSION = (
     "core/host_interface.hpp",
     "app/main.cpp",
@@ -278,7 +279,9 @@ def outcome(removal: Removal | None, test: tuple[str, ...]) -> int:
         for file in listed.stdout.splitlines():
             (copy / file).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / file, copy / file, follow_symlinks=False)
-        shutil.copytree(ROOT / CHIP_LIBRARY, copy / CHIP_LIBRARY)
+        for built in BUILT:
+            if (ROOT / built).exists():
+                shutil.copytree(ROOT / built, copy / built)
         if removal:
             path = copy / "firmware" / removal.file
             path.write_text(without(removal, path.read_text(encoding="utf-8")), encoding="utf-8")
