@@ -32,7 +32,7 @@ demo: firmware chip $(VENV)/.kernels
 	@$(BIN)/thumper demo
 
 test: firmware chip $(VENV)/.dev $(VENV)/.kernels
-	@$(BIN)/python -m pytest -n auto --dist worksteal
+	@$(BIN)/python -m pytest -n auto --dist worksteal --ignore tests/firmware/second_simulator
 
 # Numba's kernels run as machine code, where nothing is counted: they are left out of Python's figure.
 coverage: firmware chip $(VENV)/.dev

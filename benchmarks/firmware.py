@@ -36,6 +36,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
 
+from tests.firmware.second_simulator.node import is_installed
+from tests.firmware.second_simulator.test_same_frames import on_avr8js, on_simavr
+
 FIRMWARE = DEFAULT_ELF.parents[1]
 WITHOUT = {
     "gyroscope": (
@@ -232,6 +235,17 @@ def control_law(flag: str, what: str, aim: str, peers: str) -> None:
     row(what, f"{report.marked / report.marks:.0f} ({report.marked_most})", aim, peers)
 
 
+def second_simulator() -> None:
+    """Compare the frames that the image sends on two simulators of the chip under the same stimuli."""
+    if not is_installed():
+        row("frames equal on avr8js", "-", "-", "-")
+        print("  avr8js is not installed; `make docs` installs it")
+        return
+    here, there = on_simavr(), on_avr8js()
+    equal = sum(ours == theirs for ours, theirs in zip(here, there, strict=False))
+    row("frames equal on avr8js", f"{equal} of {len(here)}", "all", "-")
+
+
 def main() -> None:
     """Print the table."""
     sizes()
@@ -253,6 +267,7 @@ def main() -> None:
             "bridge 58200, rosserial 52600, PinChangeInterrupt 26400",
         )
     telemetry()
+    second_simulator()
 
 
 if __name__ == "__main__":

@@ -28,7 +28,8 @@ class Uart {
     return true;
   }
 
-  /// Queue a byte to send. Waits while the buffer is full, at most 1.3 ms. Call with interrupts on.
+  /// Queue a byte to send. Waits while the buffer is full: for one byte, 20 us at 500 000 baud. Call with
+  /// interrupts on.
   void Put(uint8_t byte) {
     const uint8_t head = tx_head_;
     const uint8_t next = After(head);

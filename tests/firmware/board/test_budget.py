@@ -32,6 +32,7 @@ EDGE_VECTORS = (3, 5)  # PCINT0, PCINT2
 EDGE_CYCLES = 75  # entry to RETI, including the response's 4
 TICK_CYCLES = {"5": 1500, "7": 1800}  # by gcc's version: both wheels, ramp, feed-forward and PI
 OFF_CYCLES = 150
+STACK_BYTES = 192  # 142 were measured; 1280 are free
 TWI_VECTOR = 24
 INDEX = {spec.name: spec.index for spec in PARAMETERS}
 SLOWEST = {
@@ -156,5 +157,5 @@ def test_interrupts_are_never_off_for_long(report: CProbeReport) -> None:
     assert 0 < report.interrupts_off <= OFF_CYCLES
 
 
-def test_the_stack_fits_beside_the_static_memory(report: CProbeReport) -> None:
-    assert 0 < report.deepest_stack <= 2048 - 768
+def test_the_stack_stays_small_beside_the_static_memory(report: CProbeReport) -> None:
+    assert 0 < report.deepest_stack <= STACK_BYTES
