@@ -101,6 +101,16 @@ def test_less_pwm_takes_longer_to_report_swapped_wires(core: ctypes.CDLL, sign: 
     assert verdicts == [FINE] * 7 + [REVERSED]
 
 
+def test_swapped_wires_are_reported_after_more_counts_than_fit(
+    core_at_rate: Callable[[int], ctypes.CDLL],
+) -> None:
+    """Its progress has 8 bits: at 100 Hz and little PWM a wheel counts 285 backwards before the decision."""
+    core = core_at_rate(100)
+    monitor = core.wheel_monitor_new()
+    verdicts = [core.wheel_monitor_step(monitor, -3 * tick % 65536, 40) for tick in range(96)]
+    assert verdicts == [FINE] * 95 + [REVERSED]
+
+
 def test_a_wheel_that_turns_round_makes_progress(core: ctypes.CDLL) -> None:
     """No matter how far it went in the wrong direction."""
     monitor = core.wheel_monitor_new()
