@@ -6,7 +6,7 @@ HOURS ?= 2
 VENV := .venv
 # The versions of Python's packages: those of constraints.txt; `make CONSTRAINTS= ...` takes the newest.
 CONSTRAINTS := constraints.txt
-INSTALL = $(BIN)/python -m pip install -qq --disable-pip-version-check $(CONSTRAINTS:%=--constraint %) --editable
+INSTALL = scripts/install-python $(BIN)/python $(CONSTRAINTS:%=--constraint %) --editable
 BIN := $(VENV)/bin
 PACKAGES := gcc-avr avr-libc binutils-avr libsimavr-dev g++ python3-venv
 TEST_PACKAGES := clang-format clang clang-tidy llvm libclang-rt-dev simavr arduino-core-avr avrdude chromium python3-rosbag
