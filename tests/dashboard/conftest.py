@@ -15,20 +15,20 @@ from tests.dashboard.built_site import ROOT, build_pages, build_robot
 expect.set_options(timeout=30_000)  # a machine that is busy with other tests takes its time
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def robot() -> Iterator[FakeRobot]:
     robot = FakeRobot(address=f"127.0.0.1:{free_port()}")
     yield robot
     robot.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of maps and recordings that the server reads."""
     return tmp_path_factory.mktemp("library")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def server(robot: FakeRobot, library: Path) -> Iterator[Server]:
     config = library.parent / "robot.toml"
     config.write_text(f'[recording]\nfolder = "{library}"\n', encoding="utf-8")
@@ -37,7 +37,7 @@ def server(robot: FakeRobot, library: Path) -> Iterator[Server]:
     server.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def chromium() -> Iterator[BrowserType]:
     if not Path(CHROMIUM).exists():
         pytest.skip(f"{CHROMIUM} is not there; `make test` installs it")
@@ -45,20 +45,20 @@ def chromium() -> Iterator[BrowserType]:
         yield playwright.chromium
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browser(chromium: BrowserType) -> Iterator[Browser]:
     browser = chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
     yield browser
     browser.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of the documentation's site, without the robot on its front page."""
     return build_pages(tmp_path_factory.mktemp("site"))
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def site(pages: Path) -> Path:
     """Return the folder of the whole site."""
     if not (ROOT / "hil/browser/node_modules/.bin/esbuild").exists():

@@ -1,0 +1,1 @@
+"""A package, so that server, robot and browser end with the tests of this folder."""
