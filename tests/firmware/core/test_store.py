@@ -246,6 +246,20 @@ def test_loading_corrupt_data_keeps_the_live_values(core: ctypes.CDLL) -> None:
     assert HostInterface(core, eeprom=eeprom).get("kp") == 5
 
 
+def test_a_saved_value_outside_its_range_gives_the_default(core: ctypes.CDLL) -> None:
+    """Not the live value. Another firmware with this schema may have saved it."""
+    eeprom = core.eeprom_new()
+    host = saved(core, 777, eeprom)
+    image = cells(core, eeprom)[SLOTS[0] :]
+    body = image[:1] + struct.pack("<h", -1) + image[3 : SLOT_BYTES - 2]
+    sound = body + struct.pack("<H", crc(body, start=m.SCHEMA_HASH & 0xFFFF) ^ 0xFFFF)
+    for address, byte in enumerate(sound, start=SLOTS[0]):
+        core.eeprom_set(eeprom, address, byte)
+    host.set("kp", 5)
+    assert host.command_later(m.Command.LOAD) is m.AckStatus.OK
+    assert host.get("kp") == 3198
+
+
 def test_identity_reports_the_parameter_source(core: ctypes.CDLL) -> None:
     eeprom = core.eeprom_new()
     host = HostInterface(core, eeprom=eeprom)
