@@ -31,6 +31,11 @@ def test_steps_of_a_geared_motor_are_predicted() -> None:
     assert motor.model.friction < 0.0
     assert any("negative" in warning for warning in motor.warnings)
     assert motor.model.time_constant_s == pytest.approx(0.091, abs=0.01)
+    # Published: 40 ms and a window of 50 ms. No speed of these rows shows them apart.
+    assert motor.model.delay_s == pytest.approx(0.04, abs=1.5 * motor.uncertainty.delay_s)
+    assert motor.sensor_window_s == pytest.approx(0.05, abs=1.5 * motor.uncertainty.sensor_window_s)
+    assert motor.uncertainty.delay_s < motor.model.delay_s
+    assert any("delay plus half the window, 63 ms" in warning for warning in motor.warnings)
 
 
 def test_one_step_alone_determines_time_constant_delay_and_speed() -> None:

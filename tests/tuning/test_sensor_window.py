@@ -69,6 +69,27 @@ def test_what_slow_rows_do_not_tell_apart_is_in_the_uncertainty(window_s: float,
     assert fit.uncertainty.time_constant_s < 0.006
 
 
+def test_no_uncertainty_is_wider_than_delay_and_window_can_be() -> None:
+    """Few counts per row: by the curvature of the fit alone, the delay would be 0 +- 58 ms."""
+    time_s, quantum_rad = 0.05 * np.arange(800, dtype=float), math.tau / 48.0
+    pwm = steps_and_prbs(800, 3)
+    turned = np.floor(Wheel(delay_s=0.0, ripple=1.0).drive(time_s, pwm, 3) / quantum_rad) * quantum_rad
+    log = MotorLog(
+        name="wheel",
+        drive_unit=DriveUnit.PWM,
+        time_s=time_s,
+        drive=pwm,
+        starts_segment=np.arange(800) == 0,
+        speed_rad_s=np.diff(turned, prepend=0.0) / 0.05,
+    )
+    motor = identify([log])
+    std, total_s = motor.uncertainty, motor.model.delay_s + 0.5 * motor.sensor_window_s
+    assert total_s == pytest.approx(0.025, abs=0.003)
+    assert 0.3 * total_s < std.delay_s < total_s
+    assert 0.6 * total_s < std.sensor_window_s < 2.0 * total_s
+    assert any("25 ms, is surer" in warning for warning in motor.warnings)
+
+
 def test_a_long_delay_in_fast_rows_is_found() -> None:
     fit = fitted(speed_log(0.02, 0.02, 0.15))
     assert fit.model.delay_s == pytest.approx(0.15, abs=0.005)

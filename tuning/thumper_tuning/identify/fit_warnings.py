@@ -104,13 +104,19 @@ def filter_warnings(fit: Fit, filtered: list[FilteredModel]) -> Iterator[str]:
 
 
 def _delay_warnings(fit: Fit) -> Iterator[str]:
-    tau_s, std = fit.model.time_constant_s, fit.uncertainty
+    tau_s, delay_s, std = fit.model.time_constant_s, fit.model.delay_s, fit.uncertainty
     either_s = max(std.time_constant_s, std.delay_s)
-    if either_s > INSEPARABLE * tau_s:
-        yield (
-            f"delay and time constant cannot be separated to better than {1e3 * either_s:.0f} ms: their "
-            f"sum, {1e3 * (tau_s + fit.model.delay_s):.0f} ms, is surer; log faster, or log counts"
-        )
+    if either_s <= INSEPARABLE * tau_s:
+        return
+    if fit.sensor_window_s is not None and std.time_constant_s < std.delay_s < std.sensor_window_s:
+        names, total = "delay and sensor's window", "delay plus half the window"
+        total_s = delay_s + 0.5 * fit.sensor_window_s
+    else:
+        names, total, total_s = "delay and time constant", "their sum", tau_s + delay_s
+    yield (
+        f"{names} cannot be separated to better than {1e3 * either_s:.0f} ms: {total}, "
+        f"{1e3 * total_s:.0f} ms, is surer; log faster, or log counts"
+    )
 
 
 def _rate_warnings(segments: list[LogSegment], fit: Fit) -> Iterator[str]:

@@ -219,6 +219,7 @@ def solve(
             friction_forward=float(std[2]) * scaling.drive,
             friction_backward=float(std[3]) * scaling.drive,
             sensor_window_s=float(std[5]) * scaling.period_s,
+            delay_with_window_s2=float(covariance[4, 5]) * scaling.period_s**2,
         )
 
     return Solution(

@@ -61,3 +61,4 @@ class Uncertainty:
     friction_forward: float
     friction_backward: float
     sensor_window_s: float = 0.0  # of the averaging time of the logged speeds; 0: of counts
+    delay_with_window_s2: float = 0.0  # the covariance of both

@@ -21,6 +21,7 @@ from thumper_tuning.identify.least_squares import FitData, longest_periods, mini
 from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.motor import signed_segments
 from thumper_tuning.identify.segments import LogSegment, median_window_s
+from thumper_tuning.identify.sensor_window import UNIFORM_STD
 from thumper_tuning.identify.systems import continuous_system, counted_system
 from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
 
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 MIN_FIT_PERCENT = 60.0
 SETTLED_TIME_CONSTANTS = 4.0
 MAX_RELATIVE_STD = 0.5
-UNIFORM_STD = 3.0**-0.5  # of a uniform distribution about one of its ends, per width
 SAME_LEVEL = 0.03
 ASSUMED_FRICTION = 0.15  # of the drive: the share that a small geared motor loses at a half to full drive
 

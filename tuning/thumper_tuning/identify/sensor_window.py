@@ -1,8 +1,9 @@
 """The part of delay and sensor's window that a log of speeds does not tell apart.
 
 While drive and rows have one clock, and delay plus window fit into a row, no speed shows them apart: only
-`delay + tau ln((e^(W/tau) - 1) / (W/tau))` shows. The likelihood is flat along this line, so its curvature
-does not give the standard deviation; its values along the line do.
+`delay + tau ln((e^(W/tau) - 1) / (W/tau))` shows, their sum. The likelihood is flat along this line, so its
+curvature does not give the standard deviations: they come out too small, or as seconds. Its values along the
+line do, from no window to no delay.
 """
 
 import math
@@ -17,6 +18,7 @@ from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.logs.motor_log import BoolArray
 
 POINTS = 16
+UNIFORM_STD = 3.0**-0.5  # of a uniform distribution about one of its ends, per width
 
 
 def with_window_spread(
@@ -38,12 +40,22 @@ def with_window_spread(
         ]
     )
     weight = np.exp(np.minimum(minus_log[0] - minus_log, 0.0))
-    offsets = np.array(pairs) - pairs[0]
-    spread = np.sqrt(weight @ offsets**2 / weight.sum())
+    windows_s = np.array([w for w, _ in pairs])
+    along_s = float(np.sqrt(weight @ (windows_s - window_s) ** 2 / weight.sum()))
+    slope = _mean_age_slope(window_s, tau_s)
+    sum_s2 = max(
+        uncertainty.delay_s**2
+        + 2.0 * slope * uncertainty.delay_with_window_s2
+        + (slope * uncertainty.sensor_window_s) ** 2,
+        0.0,
+    )
+    widest_s = UNIFORM_STD * (float(np.ptp(windows_s)) + 2.0 * math.sqrt(sum_s2))
+    std_s = min(math.hypot(uncertainty.sensor_window_s, along_s), widest_s)
     return replace(
         uncertainty,
-        sensor_window_s=math.hypot(uncertainty.sensor_window_s, float(spread[0])),
-        delay_s=math.hypot(uncertainty.delay_s, float(spread[1])),
+        sensor_window_s=std_s,
+        delay_s=math.sqrt(sum_s2 + (slope * std_s) ** 2),
+        delay_with_window_s2=-slope * std_s**2,
     )
 
 
@@ -51,6 +63,12 @@ def _mean_age_s(window_s: float, tau_s: float) -> float:
     """Return the delay that has the effect of a window on a first-order lag: half of it, if it is short."""
     x = window_s / tau_s
     return tau_s * math.log(math.expm1(x) / x) if x > 1e-6 else 0.5 * window_s
+
+
+def _mean_age_slope(window_s: float, tau_s: float) -> float:
+    """Return how much the mean age grows with the window: 1/2 if it is short, 1 if it is long."""
+    x = window_s / tau_s
+    return 1.0 / -math.expm1(-x) - 1.0 / x if x > 1e-3 else 0.5
 
 
 def _minus_log_likelihood(data: FitData, model: MotorModel, use: BoolArray, scale_rad_s: float) -> float:
