@@ -108,7 +108,7 @@ def _delay_warnings(fit: Fit) -> Iterator[str]:
     either_s = max(std.time_constant_s, std.delay_s)
     if either_s <= INSEPARABLE * tau_s:
         return
-    if fit.sensor_window_s is not None and std.time_constant_s < std.delay_s < std.sensor_window_s:
+    if fit.sensor_window_s is not None and 2.0 * std.time_constant_s < std.delay_s < std.sensor_window_s:
         names, total = "delay and sensor's window", "delay plus half the window"
         total_s = delay_s + 0.5 * fit.sensor_window_s
     else:

@@ -42,20 +42,17 @@ def with_window_spread(
     weight = np.exp(np.minimum(minus_log[0] - minus_log, 0.0))
     windows_s = np.array([w for w, _ in pairs])
     along_s = float(np.sqrt(weight @ (windows_s - window_s) ** 2 / weight.sum()))
-    slope = _mean_age_slope(window_s, tau_s)
-    sum_s2 = max(
-        uncertainty.delay_s**2
-        + 2.0 * slope * uncertainty.delay_with_window_s2
-        + (slope * uncertainty.sensor_window_s) ** 2,
-        0.0,
-    )
-    widest_s = UNIFORM_STD * (float(np.ptp(windows_s)) + 2.0 * math.sqrt(sum_s2))
-    std_s = min(math.hypot(uncertainty.sensor_window_s, along_s), widest_s)
+    slope, curved_s = _mean_age_slope(window_s, tau_s), uncertainty.sensor_window_s
+    sum_with_window_s2 = uncertainty.delay_with_window_s2 + slope * curved_s**2
+    sum_s2 = uncertainty.delay_s**2 + slope * (uncertainty.delay_with_window_s2 + sum_with_window_s2)
+    widest_s = UNIFORM_STD * (float(np.ptp(windows_s)) + 2.0 * math.sqrt(max(sum_s2, 0.0)))
+    std_s = min(math.hypot(curved_s, along_s), widest_s)
+    sum_with_window_s2 *= min(std_s / max(curved_s, 1e-12), 1.0)  # the correlation stays
     return replace(
         uncertainty,
         sensor_window_s=std_s,
-        delay_s=math.sqrt(sum_s2 + (slope * std_s) ** 2),
-        delay_with_window_s2=-slope * std_s**2,
+        delay_s=math.sqrt(max(sum_s2 - 2.0 * slope * sum_with_window_s2 + (slope * std_s) ** 2, 0.0)),
+        delay_with_window_s2=sum_with_window_s2 - slope * std_s**2,
     )
 
 
