@@ -31,6 +31,7 @@ PORTB, PORTD, DDRB, DDRD = 0x25, 0x2B, 0x24, 0x2A
 TCCR2A, TCCR2B, OCR2A, OCR2B = 0xB0, 0xB1, 0xB3, 0xB4
 ADCSRA, ADMUX = 0x7A, 0x7C
 MCUSR, PORF, BORF = 0x54, 1 << 0, 1 << 2
+GPIOR1, GPIOR2, UCSR0C = 0x4A, 0x4B, 0xC2
 MOTORS_B, MOTORS_D = 0b1110, 0b11100
 ENCODER_B, ENCODER_D = 0b11_0000, 0b110_0000
 MILLISECOND_S = 0.001
@@ -55,6 +56,26 @@ def armed(pwm: int = 0) -> InstrumentedChip:
         send(chip, SetMotorPwm(left=pwm, right=pwm) if pwm else SetWheelSpeeds(left=0, right=0))
         run_for(chip, 0.1)
     return chip
+
+
+def test_scratch_registers_that_a_boot_loader_has_used_do_not_disturb_the_link() -> None:
+    """They are indices of the ring buffers, and a boot loader jumps to the program without a reset."""
+    sent = []
+    for index in (0, 9):
+        chip = InstrumentedChip(ELF)
+        chip.poke(GPIOR1, index)
+        chip.poke(GPIOR2, index)
+        run_for(chip, 0.15)
+        sent.append(chip.receive(chip.available))
+        assert identity(chip) is not None
+    assert sent[0] == sent[1]
+
+
+def test_the_serial_format_is_8n1() -> None:
+    chip = InstrumentedChip(ELF)
+    chip.poke(UCSR0C, 0)
+    run_for(chip, 0.01)
+    assert chip.data(UCSR0C) == 0b110
 
 
 def test_encoder_inputs_have_pull_ups_and_motor_outputs_are_low_until_driven() -> None:
