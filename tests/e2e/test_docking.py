@@ -134,6 +134,21 @@ def test_without_a_charger_at_the_contacts_it_is_not_docked() -> None:
         raise AssertionError(service.events)
 
 
+def test_a_charger_at_the_contacts_is_found_by_the_voltage() -> None:
+    with robot("live-charger", charger_V=0.3) as service:
+        service.put(RobotCommand(name="dock"))
+        was_there = False
+        for _ in range(2500):
+            if said(service, "docked: ") or said(service, "not docked: "):
+                break
+            is_there = place(service).x_m > -0.012
+            if is_there != was_there:  # the contacts: half a charge alone has 7.7 V
+                service.bench.fault("battery.charge", 1.0 if is_there else 0.5)
+            was_there = is_there
+            service.run_cycles(1)
+        assert said(service, "docked: "), service.events
+
+
 def test_an_unknown_dock_is_refused() -> None:
     with robot("lost-dock", tag=5) as service:
         service.put(RobotCommand(name="dock"))
