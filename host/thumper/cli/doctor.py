@@ -68,7 +68,11 @@ def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: b
     sensor_checks = chain(lidar_checks, check_sensors(settings, seconds=seconds))
     if board or config:
         yield from check_board(
-            settings.board, seconds=seconds, spin=_consent if spin else None, also=sensor_checks
+            settings.board,
+            seconds=seconds,
+            spin=_consent if spin else None,
+            also=sensor_checks,
+            needs_gyroscope=settings.imu.enabled and settings.imu.model == "mpu6050",
         )
     else:
         yield from sensor_checks

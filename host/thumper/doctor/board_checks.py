@@ -31,11 +31,17 @@ POLL_S = 0.2
 
 
 def check_board(
-    config: BoardOptions, *, seconds: float, spin: Callable[[], bool] | None, also: Iterator[Check]
+    config: BoardOptions,
+    *,
+    seconds: float,
+    spin: Callable[[], bool] | None,
+    also: Iterator[Check],
+    needs_gyroscope: bool = False,
 ) -> Iterator[Check]:
     """Check the link and the battery; turn the wheels if `spin` is given and returns True.
 
-    `also` are checks to run before the board's port closes: a simulated robot ends with its last port.
+    A gyroscope that the board does not use is a failed check only with `needs_gyroscope`. `also` are checks
+    to run before the board's port closes: a simulated robot ends with its last port.
     """
     port: SerialPort | None = None
     try:
@@ -48,14 +54,19 @@ def check_board(
         yield from also
         return
     try:
-        yield from _checks(board, config.port, port.now_s, seconds, spin)
+        yield from _checks(board, config.port, port.now_s, seconds, spin, needs_gyroscope)
         yield from also
     finally:
         board.close()
 
 
 def _checks(
-    board: Board, name: str, clock_s: Callable[[], float], seconds: float, spin: Callable[[], bool] | None
+    board: Board,
+    name: str,
+    clock_s: Callable[[], float],
+    seconds: float,
+    spin: Callable[[], bool] | None,
+    needs_gyroscope: bool,
 ) -> Iterator[Check]:
     i = board.identity
     version = f"{i.version_major}.{i.version_minor}.{i.version_patch}"
@@ -68,7 +79,7 @@ def _checks(
         yield from judge_stream("telemetry", stream, jitter)
         if last is not None:
             yield judge_battery(1e-3 * last.battery_mV)
-            if last.gyroscope is not GyroscopeState.OFF:
+            if needs_gyroscope or last.gyroscope is not GyroscopeState.OFF:
                 yield _gyroscope(last.gyroscope)
         if spin is None:
             fix = "lift the wheels, then run with --spin"

@@ -39,7 +39,7 @@ def _found_instead(config: LidarOptions) -> str:
         return ""
     if found is None or found[0] == config.model:
         return ""
-    return f'{config.port} has an {found[1]}; set [lidar] model = "{found[0]}"'
+    return f'{config.port} answers as {found[1]}; set [lidar] model = "{found[0]}"'
 
 
 def check_lidar(config: LidarOptions, *, seconds: float) -> Iterator[Check]:

@@ -36,7 +36,7 @@ def identify_lidar(port: SerialPort) -> tuple[str, str] | None:
     port.set_baud(urg04lx.BAUD)
     port.write(b"QT\nVV\n")
     if b"PROT:SCIP" in _read(port, ANSWER_S):
-        return "urg04lx", "lidar with SCIP 2.0"
+        return "urg04lx", "URG-04LX (SCIP 2.0)"
     return None
 
 

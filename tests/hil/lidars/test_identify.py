@@ -6,7 +6,7 @@ from thumper.doctor.lidar_checks import check_lidar
 from thumper.lidar.options import LidarModel, LidarOptions
 
 NAMES: dict[LidarModel, str] = {
-    "urg04lx": "lidar with SCIP 2.0",
+    "urg04lx": "URG-04LX (SCIP 2.0)",
     "ld19": "LD19 (LD06)",
     "rplidar_a1": "RPLIDAR A1, firmware ",
     "rplidar_a2": "RPLIDAR A2, firmware ",
@@ -22,6 +22,6 @@ def test_the_doctor_says_which_lidar_answers(connected: LidarModel) -> None:
     (check,) = check_lidar(LidarOptions(port=port, model=expected), seconds=1.0)
     assert check.verdict == "fail"
     assert check.fix is not None
-    assert check.fix.startswith(f"{port} has an ")
+    assert check.fix.startswith(f"{port} answers as ")
     assert check.fix.endswith(f'; set [lidar] model = "{connected}"')
     assert NAMES[connected] in check.fix

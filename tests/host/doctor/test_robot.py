@@ -113,6 +113,16 @@ def test_a_lidar_without_that_request_is_found_too(tmp_path: Path, model: str) -
     assert f'set [lidar] model = "{model}"' in line(checks, "lidar")["fix"]
 
 
+def test_a_gyroscope_that_the_board_does_not_use_is_a_failed_check(tmp_path: Path) -> None:
+    config = tmp_path / "robot.toml"
+    config.write_text('[imu]\nenabled = true\nmodel = "mpu6050"\n')
+    code, checks = diagnose(
+        "--board", "sim://gyro/board", "--lidar", "sim://gyro/lidar", "--config", str(config)
+    )
+    assert code == 4
+    assert line(checks, "gyroscope of the board: off")["verdict"] == "fail"
+
+
 def test_the_port_of_the_board_is_not_asked_for_a_lidar() -> None:
     code, checks = diagnose("--board", "sim://same/board", "--lidar", "sim://same/board")
     assert code == 4
