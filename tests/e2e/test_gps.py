@@ -52,6 +52,14 @@ def test_a_robot_finds_its_start_among_equal_sheds_and_a_goal_on_earth(yard: Pat
     assert load_datum(tmp_path / "out" / "map.yaml") == pytest.approx(YARD_DATUM, abs=1e-9)
 
 
+def test_waiting_for_the_receiver_costs_no_scan() -> None:
+    config = RobotConfig(gps=GpsOptions(enabled=True))
+    config = with_ports(config, board="sim://wait/board", lidar="sim://wait/lidar")
+    with open_robot(config, Pose2()) as loop:
+        loop.wait_for_map()
+        assert loop.inputs.estimator.scan_checker.counts == {}
+
+
 def test_without_a_datum_a_goal_on_earth_is_refused(tmp_path: Path) -> None:
     save_map(World.load("yard").to_grid(), tmp_path / "plain.yaml")
     command = ["run", "--map", str(tmp_path / "plain.yaml"), "--goal-gps", "48.0", "11.0"]

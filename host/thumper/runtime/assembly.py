@@ -99,13 +99,13 @@ def open_robot(
         config = replace(config, drive=geometry_of(config.drive, board.identity))
         if config.imu.enabled and config.imu.model == "mpu6050":
             wait_for_gyroscope(board)
-        lidar = open_lidar(config.lidar)
-        stack.callback(lidar.close)
         feeds = []
         for kind in KINDS:
             if kind.is_wanted(config):
                 feeds.append(open_feed(kind, config))
                 stack.callback(feeds[-1].sensor.close)
+        lidar = open_lidar(config.lidar)  # last: scans from before the first telemetry have no odometry
+        stack.callback(lidar.close)
         mapper = robot_mapper(config, map_from_base or Pose2())
         if isinstance(known, SavedSlamState):
             mapper.resume_from(known.counts, map_from_base)
