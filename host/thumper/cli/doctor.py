@@ -72,7 +72,7 @@ def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: b
             seconds=seconds,
             spin=_consent if spin else None,
             also=sensor_checks,
-            needs_gyroscope=settings.imu.enabled and settings.imu.model == "mpu6050",
+            needs_gyroscope=settings.imu.uses_board,
         )
     else:
         yield from sensor_checks

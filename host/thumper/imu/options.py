@@ -38,6 +38,11 @@ class ImuOptions:
     slip_sigmas: Annotated[float, Gt(0.75)] = 3.0  # a larger disagreement is not fused, and counts as this
 
     @property
+    def uses_board(self) -> bool:
+        """Whether the gyroscope is the one of the motor board."""
+        return self.enabled and self.model == "mpu6050"
+
+    @property
     def noise(self) -> GyroNoise:
         """The noise: that of the options, else of the data sheet."""
         device = NOISE[self.model]

@@ -97,7 +97,7 @@ def open_robot(
         board = Board.open(config.board.port, baud=config.board.baud)
         stack.callback(board.close)
         config = replace(config, drive=geometry_of(config.drive, board.identity))
-        if config.imu.enabled and config.imu.model == "mpu6050":
+        if config.imu.uses_board:
             wait_for_gyroscope(board)
         feeds = []
         for kind in KINDS:
