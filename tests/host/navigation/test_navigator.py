@@ -20,6 +20,7 @@ from thumper.navigation.recovery.progress_checker import ProgressCheck, Progress
 
 NO_HITS = np.empty((0, 2))
 A = Goal(x_m=1.0, y_m=0.0)
+CENTRE_OF_ROTATION = Pose2(x_m=-0.05)  # in base_link
 
 
 def free_grid() -> OccupancyGrid:
@@ -135,11 +136,40 @@ def test_goal_checker_latches_and_releases() -> None:
 def test_small_tolerance_applies_to_the_stop_not_to_the_rotation_after_it() -> None:
     checker = GoalChecker(Goal(x_m=0.0, y_m=0.0, theta_rad=1.0, tolerance_m=0.02))
     seen = []
-    for x_m in (0.05, 0.012, 0.018, 0.03, 0.049, 0.051):
+    for x_m in (0.05, 0.012, 0.018, 0.03, 0.149, 0.151):
         checker.update(Pose2(x_m=x_m))
         seen.append(checker.position_reached)
     # 0.018 is inside, and past by more than a quarter of the tolerance; a rotation does not release it.
     assert seen == [False, False, True, True, True, False]
+
+
+def test_robot_that_has_turned_away_from_the_place_drives_back() -> None:
+    checker = GoalChecker(Goal(x_m=0.0, y_m=0.0, theta_rad=1.0, tolerance_m=0.02))
+    for x_m, theta_rad, expected in ((0.0, 0.0, True), (0.08, 0.5, True), (0.08, 1.0, False)):
+        checker.update(Pose2(x_m=x_m, theta_rad=theta_rad))
+        assert checker.position_reached is expected
+
+
+@pytest.mark.parametrize(("bearing_deg", "theta_rad"), [(180, -1.0), (225, 2.0), (270, -1.0)])
+def test_goal_with_a_heading_is_reached_by_a_robot_that_turns_about_a_centre_behind_it(
+    bearing_deg: int, theta_rad: float
+) -> None:
+    """`base_link` moves on a circle as wide as the tolerance while the robot turns."""
+    goal = Goal(x_m=0.0, y_m=0.0, theta_rad=0.0, tolerance_m=0.05, heading_tolerance_rad=0.1)
+    bearing_rad = math.radians(bearing_deg)
+    pose = Pose2(x_m=0.4 * math.cos(bearing_rad), y_m=0.4 * math.sin(bearing_rad), theta_rad=theta_rad)
+    navigator, twist = make(), Twist2()
+    navigator.set_goal(goal)
+    for cycle in range(600):
+        output = navigator.update(0.1 * cycle, pose, twist, free_grid(), NO_HITS)
+        if output.state is NavigationState.REACHED:
+            break
+        twist = output.command
+        moved = Pose2(x_m=0.1 * twist.v_m_s, y_m=0.0, theta_rad=0.1 * twist.w_rad_s)
+        pose = pose @ CENTRE_OF_ROTATION @ moved @ CENTRE_OF_ROTATION.inverse()
+    assert output.state is NavigationState.REACHED, output.reason
+    assert goal.distance_m(pose) <= goal.tolerance_m
+    assert abs(goal.heading_error_rad(pose)) <= goal.heading_tolerance_rad
 
 
 def test_progress_requires_movement_and_then_nearness() -> None:

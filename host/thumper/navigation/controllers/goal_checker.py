@@ -10,6 +10,9 @@ NEAR_ENOUGH = 0.5  # fraction of the tolerance at which the robot stops without 
 PASSED_M = 0.02  # inside the tolerance it also stops when it has moved away again by this much ...
 PASSED_FRACTION = 0.25  # ... or by this fraction of the tolerance
 MIN_HOLD_M = 0.05  # rotating in place moves a skid-steered base, and its estimate, by about 2 cm
+# A skid-steered base turns about a centre up to 5 cm off `base_link`, which moves by up to twice that. While
+# it turns to the goal's heading that is no reason to drive back: it would never end a turn.
+TURNING_M = 0.10
 
 
 class GoalChecker:
@@ -31,7 +34,8 @@ class GoalChecker:
         tolerance_m = self._goal.tolerance_m
         self._least_m = min(self._least_m, distance_m)
         if self.position_reached:
-            if distance_m > self._hold_m:
+            turning = abs(self._goal.heading_error_rad(map_from_base)) > self._goal.heading_tolerance_rad
+            if distance_m > self._hold_m + (TURNING_M if turning else 0.0):
                 self.position_reached, self._least_m = False, distance_m
             return
         passed = distance_m > self._least_m + self._passed_m
