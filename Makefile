@@ -1,6 +1,9 @@
 # Two commands matter: `make demo` (see the robot drive) and `make test`. Both install what is missing.
 .PHONY: help demo test coverage lint format firmware chip protocol reference docs wheel wheel-aarch64 sdist bench bench-peers results soak mutation clean
 
+# Where this is set, each of some thousand short processes of the tests would compile all modules again.
+unexport PYTHONDONTWRITEBYTECODE
+
 PYTHON ?=
 HOURS ?= 2
 VENV := .venv

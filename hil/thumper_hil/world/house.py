@@ -13,7 +13,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, label
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.occupancy_grid import OCCUPIED
@@ -103,6 +102,8 @@ def _start(world: World, start_m: FloatArray, rng: np.random.Generator) -> Pose2
 
 def _free_points(world: World) -> FloatArray:
     """Return the points of the largest connected area in which the robot can turn, shape (n, 2)."""
+    from scipy.ndimage import distance_transform_edt, label  # 0.2 s to load; most worlds are no houses
+
     grid = world.to_grid(CELL_M)
     blocked: NDArray[np.bool_] = grid.cells == OCCUPIED
     parts, _ = label(distance_transform_edt(~blocked) * CELL_M > CLEARANCE_M)

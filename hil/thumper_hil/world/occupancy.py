@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import distance_transform_cdt
 
 from thumper.common.geometry import FloatArray
 from thumper.maps.map_server_io import load_map
@@ -27,6 +26,8 @@ class SolidGrid:
 
     def __post_init__(self) -> None:
         if self.solid.any():
+            from scipy.ndimage import distance_transform_cdt  # 0.2 s to load; most worlds have no cells
+
             distance = distance_transform_cdt(~self.solid, metric="chessboard").astype(np.int32)
         else:
             distance = np.full(self.solid.shape, max(self.solid.shape), np.int32)
