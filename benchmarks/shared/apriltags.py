@@ -62,23 +62,37 @@ def accuracy() -> None:
 
 
 def photographs(folder: Path) -> None:
-    """Print how many of the listed tags were found; each list has the corners beside its photograph."""
-    found = listed = 0
+    """Print how many of the listed tags were found, and how far their corners are from the listed ones."""
+    offsets_px: list[FloatArray] = []
+    listed = 0
     for path in sorted(folder.glob("*.jpg")):
         grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-        centres = [
-            _centre(line) for line in path.with_suffix(".txt").read_text().splitlines() if line.strip()
+        expected = [_tag(line) for line in path.with_suffix(".txt").read_text().splitlines() if line.strip()]
+        near = [
+            offset_px
+            for number, corners_px in expected
+            for seen in find_tags(grey)
+            if seen.number == number
+            and (offset_px := _corner_offsets(seen.corners_px, corners_px)).max() < SAME_TAG_PX
         ]
-        seen = [tag.corners_px.mean(axis=0) for tag in find_tags(grey)]
-        near = [any(np.abs(centre - one).max() < SAME_TAG_PX for one in seen) for centre in centres]
-        found, listed = found + sum(near), listed + len(near)
-        print(f"{path.name}: {sum(near)} of {len(near)}, {len(seen)} in all")
-    print(f"{found} of {listed}")
+        offsets_px, listed = offsets_px + near, listed + len(expected)
+        print(f"{path.name}: {len(near)} of {len(expected)}")
+    median_px, most_px = np.percentile(np.concatenate(offsets_px), (50, 95))
+    print(
+        f"{len(offsets_px)} of {listed}; corners off by {median_px:.2f} px (median), {most_px:.2f} px (95 %)"
+    )
 
 
-def _centre(line: str) -> FloatArray:
-    corners = re.findall(r"\(([\d.-]+) ([\d.-]+)\)", line)
-    return np.asarray(np.mean(np.array(corners, dtype=np.float64), axis=0) - 0.5, np.float64)
+def _tag(line: str) -> tuple[int, FloatArray]:
+    number, corners = line.split(",", 1)
+    found = re.findall(r"\(([\d.-]+) ([\d.-]+)\)", corners)
+    return int(number), np.array(found, dtype=np.float64) - 0.5  # of pixels whose centre is at 0.5
+
+
+def _corner_offsets(one_px: FloatArray, other_px: FloatArray) -> FloatArray:
+    """Return the distances of the corners, whichever corner and direction the list begins with."""
+    orders = [np.roll(other_px[::step], shift, axis=0) for step in (1, -1) for shift in range(4)]
+    return min((np.hypot(*(one_px - order).T) for order in orders), key=np.sum)
 
 
 def _rms(values: list[float]) -> float:

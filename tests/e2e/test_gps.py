@@ -52,6 +52,17 @@ def test_a_robot_finds_its_start_among_equal_sheds_and_a_goal_on_earth(yard: Pat
     assert load_datum(tmp_path / "out" / "map.yaml") == pytest.approx(YARD_DATUM, abs=1e-9)
 
 
+def test_a_run_too_short_for_the_place_on_earth_says_so(tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text("[gps]\nenabled = true\n")
+    board = f"sim://short/board?{IN_THE_EAST_SHED}&gps=rtk"
+    command = ["run", "--board", board, "--lidar", "sim://short/lidar", "--goal", "0.3", "0"]
+    command += ["--config", str(tmp_path / "robot.toml"), "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(build_app(), command)
+    assert done.exit_code == 0, done.output
+    assert "the place of the map on Earth is unknown" in done.output
+    assert load_datum(tmp_path / "out" / "map.yaml") is None
+
+
 def test_waiting_for_the_receiver_costs_no_scan() -> None:
     config = RobotConfig(gps=GpsOptions(enabled=True))
     config = with_ports(config, board="sim://wait/board", lidar="sim://wait/lidar")

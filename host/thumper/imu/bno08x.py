@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from thumper.common.geometry import wrap_angle
 from thumper.common.sensor import StreamSensor
 from thumper.common.serial_port import SerialPort
+from thumper.imu.options import BNO08X
 from thumper.imu.sample import ImuSample
 
 BAUD = 115_200
@@ -138,6 +139,7 @@ def _sample(frame: RvcFrame, time_s: float, last: RvcFrame, last_s: float) -> Im
     return ImuSample(
         time_s=time_s,
         yaw_rate_rad_s=wrap_angle(frame.yaw_rad - last.yaw_rad) / (time_s - last_s),
+        yaw_rate_std_rad_s=BNO08X.mean_rate_std_rad_s(time_s - last_s),
         roll_rad=frame.roll_rad,
         pitch_rad=frame.pitch_rad,
         yaw_rad=frame.yaw_rad,

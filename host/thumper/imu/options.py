@@ -1,5 +1,6 @@
 """Options of the gyroscope: the `[imu]` table of the robot's TOML."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -13,6 +14,10 @@ class GyroNoise:
     rate_rad_s: float  # std of the mean rate over 1 s
     bias_rad_s: float  # std of the bias at power-on
     bias_walk_rad_s: float  # std of the change of the bias in 1 s
+
+    def mean_rate_std_rad_s(self, period_s: float) -> float:
+        """Return the standard deviation of the mean rate over `period_s`, without that of the bias."""
+        return self.rate_rad_s / math.sqrt(period_s)
 
 
 # BNO08x data sheet, game rotation vector: heading drift 0.5 deg/min, after its own calibration of the bias.

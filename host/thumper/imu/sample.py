@@ -12,6 +12,7 @@ class ImuSample:
 
     time_s: float  # on the host's clock, like the telemetry
     yaw_rate_rad_s: float  # mean since the previous sample, counter-clockwise positive, with the bias
+    yaw_rate_std_rad_s: float = 0.0  # without that of the bias; 0: unknown
     roll_rad: float = math.nan
     pitch_rad: float = math.nan
     yaw_rad: float = math.nan  # since the device's start: it drifts

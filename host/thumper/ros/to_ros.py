@@ -79,7 +79,7 @@ class Messages:
             orientation=_rotation(*angles_rad) if has_angles else _rotation(0.0, 0.0, 0.0),
             orientation_covariance=np.zeros(9) if has_angles else unknown,
             angular_velocity=message("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=sample.yaw_rate_rad_s),
-            angular_velocity_covariance=np.diag([UNKNOWN, UNKNOWN, 0.0]).reshape(-1),
+            angular_velocity_covariance=np.diag([UNKNOWN, UNKNOWN, sample.yaw_rate_std_rad_s**2]).reshape(-1),
             linear_acceleration=message("geometry_msgs/msg/Vector3", x=x_m_s2, y=y_m_s2, z=z_m_s2),
             linear_acceleration_covariance=unknown if sample.acceleration_m_s2 is None else np.zeros(9),
         )

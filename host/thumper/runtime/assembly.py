@@ -61,6 +61,7 @@ from thumper.slam.mounting import MountCheck
 from thumper.slam.saved_state import SavedSlamState
 
 FIX_TIMEOUT_S, SAMPLE_TIMEOUT_S = 60.0, 3.0
+CALIBRATION_TIMEOUT_S = 4.0  # of the gyroscope's bias, for which the robot must be stationary for a second
 GYROSCOPE_TIMEOUT_S = 1.5  # opening the port resets the board, which starts its gyroscope within 0.6 s
 
 
@@ -283,9 +284,16 @@ def wait_for_fix(robot: RobotLoop) -> None:
 
 
 def wait_for_gyroscope(board: Board) -> None:
-    """Wait until the board's gyroscope answers; raises ThumperError if it is off or does not."""
-    state, until_s = GyroscopeState.MISSING, board.now_s() + GYROSCOPE_TIMEOUT_S
-    while state is GyroscopeState.MISSING and board.now_s() < until_s:
+    """Wait until the board's gyroscope answers and has its bias; raises ThumperError if it is off or silent.
+
+    A robot that is moved meanwhile starts without the bias: the board measures it at the next stop.
+    """
+    state, start_s = GyroscopeState.MISSING, board.now_s()
+    timeouts_s = {
+        GyroscopeState.MISSING: GYROSCOPE_TIMEOUT_S,
+        GyroscopeState.CALIBRATING: CALIBRATION_TIMEOUT_S,
+    }
+    while board.now_s() - start_s < timeouts_s.get(state, 0.0):
         for sample in board.poll(TELEMETRY_TIMEOUT_S):
             state = sample.telemetry.gyroscope
     check_gyroscope(state)

@@ -123,6 +123,8 @@ class Publisher:
                     self._publish_in_map(sample, inputs.estimator.earth)
         for sample in inputs.samples:
             self._send("wheels", sample.time_s, self.messages.wheels(sample))
+        for imu in inputs.board_imu:
+            self._send("imu", imu.time_s, self.messages.imu(imu))
         for scan in inputs.scans:
             self._send("scan", scan.time_s, self.messages.scan(scan))
         if inputs.samples:

@@ -9,6 +9,8 @@ from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import Telemetry
 from thumper.common.geometry import FloatArray
 from thumper.common.sensor import ReopenedSensor
+from thumper.imu.options import MPU6050
+from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
 from thumper.navigation.state import Transition
 from thumper.runtime.drive_log import DriveLog
@@ -39,6 +41,7 @@ class SensorInputs:
         self.estimator = estimator
         self.telemetry: Telemetry | None = None
         self.samples: list[TelemetrySample] = []
+        self.board_imu: list[ImuSample] = []  # of the board's gyroscope
         self.scans: list[Scan] = []
         self.newest_scan: Scan | None = None
         self.log = DriveLog()
@@ -91,7 +94,10 @@ class SensorInputs:
         self.samples = [self._with_count_offsets(sample) for sample in samples]
         if samples:
             self._telemetry_read_s = self.board.now_s()
+        self.board_imu = []
         for sample in self.samples:
+            if self.estimator.uses_board_gyroscope:
+                self.board_imu += _imu_samples(self.telemetry, sample)
             self.telemetry = sample.telemetry
             self.estimator.add_telemetry(sample)
             if self.keep_log:
@@ -154,6 +160,17 @@ class SensorInputs:
             right_count=_int32(telemetry.right_count + right),
         )
         return replace(sample, telemetry=shifted)
+
+
+def _imu_samples(last: Telemetry | None, sample: TelemetrySample) -> list[ImuSample]:
+    """Return the mean rate of the board's gyroscope since the telemetry before; none without one."""
+    turn_rad = sample.gyro_increment_rad
+    if last is None or turn_rad is None or sample.telemetry.time_us == last.time_us:
+        return []
+    period_s = 1e-6 * ((sample.telemetry.time_us - last.time_us) % 2**32)
+    rate_std_rad_s = MPU6050.mean_rate_std_rad_s(period_s)
+    rate_rad_s = turn_rad / period_s
+    return [ImuSample(time_s=sample.time_s, yaw_rate_rad_s=rate_rad_s, yaw_rate_std_rad_s=rate_std_rad_s)]
 
 
 def _int32(value: int) -> int:

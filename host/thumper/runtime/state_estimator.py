@@ -90,7 +90,7 @@ class StateEstimator:
         self._odometry: WheelOdometry | GyroEkf = WheelOdometry(drive)
         if imu is not None and imu.enabled:
             self._odometry = GyroEkf(drive, imu=imu)
-        self._board_gyroscope = imu is not None and imu.model == "mpu6050"
+        self.uses_board_gyroscope = imu is not None and imu.uses_board
         self.fix: Fix | None = None  # the newest, with or without a position
         self._jump_filter = JumpFilter()
         self._slip_detector = SlipDetector()
@@ -117,7 +117,7 @@ class StateEstimator:
         time_s = rounded_s(sample.time_s)
         counts = (telemetry.left_count, telemetry.right_count)
         if isinstance(self._odometry, GyroEkf):
-            gyro_rad = sample.gyro_increment_rad if self._board_gyroscope else None
+            gyro_rad = sample.gyro_increment_rad if self.uses_board_gyroscope else None
             raw = self._odometry.update(time_s, *counts, gyro_rad=gyro_rad)
         else:
             raw = self._odometry.update(time_s, *counts)
@@ -134,8 +134,11 @@ class StateEstimator:
         self._look_at_frame()
 
     def add_imu(self, sample: ImuSample) -> None:
-        """Add a gyroscope sample, before the telemetry that follows it; ignored unless enabled."""
-        if isinstance(self._odometry, GyroEkf):
+        """Add a gyroscope sample, before the telemetry that follows it; ignored unless enabled.
+
+        The samples of the board's gyroscope are ignored, too: the telemetry brings its turn.
+        """
+        if isinstance(self._odometry, GyroEkf) and not self.uses_board_gyroscope:
             self._odometry.add_imu(sample.as_recorded())
 
     def add_fix(self, fix: Fix) -> None:

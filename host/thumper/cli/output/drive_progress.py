@@ -75,8 +75,15 @@ def print_problems(topic: str, _time_s: float, message: Message) -> None:
 
 
 def print_warnings(robot: RobotLoop, console: Console) -> None:
-    """Print what was wrong with scans and wheels during the drive: one line per kind, with its count."""
-    for line in robot.inputs.estimator.warnings().values():
+    """Print what was wrong with scans, wheels and GPS during the drive: one line per kind, with its count."""
+    estimator = robot.inputs.estimator
+    lines = list(estimator.warnings().values())
+    if estimator.earth is not None and estimator.map_datum() is None:
+        lines.append(
+            "the place of the map on Earth is unknown: that takes a drive in view of walls with a fix, "
+            "of 1 to 2 m with RTK, else of 30 m and more"
+        )
+    for line in lines:
         console.print(f"note: {line}", markup=False, soft_wrap=True)
 
 
