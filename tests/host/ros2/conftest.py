@@ -130,7 +130,7 @@ class Live:
         raise AssertionError("".join(lines))
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def live(router: int, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Live]:
     live = Live(f"127.0.0.1:{free_port()}", tmp_path_factory.mktemp("ros"), router)
     yield live

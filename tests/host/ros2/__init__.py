@@ -1,0 +1,1 @@
+"""A package, so that the running robot ends with the tests of this folder."""
