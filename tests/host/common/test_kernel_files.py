@@ -60,8 +60,9 @@ class Package:
     def run_again(self, **environment: str) -> str:
         """Run the program for the same user."""
         path = os.pathsep.join((str(self.folder.parent), os.environ.get("PYTHONPATH", "")))
+        # Without bytecode: Python's own does not notice a change that leaves time and size of a source.
         done = subprocess.run(
-            [sys.executable, "-m", "thumper_sample.program"],
+            [sys.executable, "-B", "-m", "thumper_sample.program"],
             env=os.environ | {"NUMBA_CACHE_DIR": str(self._cache), "PYTHONPATH": path} | environment,
             capture_output=True,
             text=True,
