@@ -259,7 +259,7 @@ class Navigator:
             return ControlResult(command=Twist2())
         if path.path_m is None:
             return ControlResult(command=None, reason=path.reason)
-        return self._parts.follower.compute_command(time_s, request, active.goal)
+        return self._parts.follower.compute_command(time_s, request, active.goal, checker.stop_goal(base))
 
     def _start_recovery(
         self, time_s: float, active: ActiveGoal, request: ControlRequest, problem: str

@@ -150,7 +150,7 @@ def test_robot_that_has_turned_away_from_the_place_drives_back() -> None:
         assert checker.position_reached is expected
 
 
-@pytest.mark.parametrize(("bearing_deg", "theta_rad"), [(180, -1.0), (225, 2.0), (270, -1.0)])
+@pytest.mark.parametrize(("bearing_deg", "theta_rad"), [(180, -1.0), (225, 2.0), (270, 2.0), (270, -1.0)])
 def test_goal_with_a_heading_is_reached_by_a_robot_that_turns_about_a_centre_behind_it(
     bearing_deg: int, theta_rad: float
 ) -> None:
@@ -160,7 +160,7 @@ def test_goal_with_a_heading_is_reached_by_a_robot_that_turns_about_a_centre_beh
     pose = Pose2(x_m=0.4 * math.cos(bearing_rad), y_m=0.4 * math.sin(bearing_rad), theta_rad=theta_rad)
     navigator, twist = make(), Twist2()
     navigator.set_goal(goal)
-    for cycle in range(600):
+    for cycle in range(200):
         output = navigator.update(0.1 * cycle, pose, twist, free_grid(), NO_HITS)
         if output.state is NavigationState.REACHED:
             break

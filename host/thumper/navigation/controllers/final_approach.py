@@ -35,15 +35,20 @@ class FinalApproach:
         self._active = self._aiming = False
         self._rotate.reset()
 
-    def compute_command(self, request: ControlRequest, goal: Goal) -> ControlResult | None:
-        """Return the next twist; None if the goal is not missed or the straight path is not free."""
+    def compute_command(
+        self, request: ControlRequest, goal: Goal, *, missed: bool = False
+    ) -> ControlResult | None:
+        """Return the next twist; None if the goal is not missed or the straight path is not free.
+
+        With `missed` the goal counts as missed, whatever its direction.
+        """
         base, limits, period_s = request.map_from_base, self._limits, request.period_s
         distance_m = goal.distance_m(base)
         bearing_rad = wrap_angle(math.atan2(goal.y_m - base.y_m, goal.x_m - base.x_m) - base.theta_rad)
         if distance_m > (END_M if self._active else BEGIN_M):
             self.reset()
             return None
-        if not self._active and abs(bearing_rad) < MISSED_RAD:
+        if not (self._active or missed) and abs(bearing_rad) < MISSED_RAD:
             return None
         self._active = True
         forward = abs(bearing_rad) <= 0.5 * math.pi

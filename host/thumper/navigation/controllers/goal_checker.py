@@ -1,8 +1,11 @@
 """Check whether the goal is reached: first the position, then, at standstill, the heading."""
 
 import math
+from dataclasses import replace
 
-from thumper.common.geometry import Pose2, Twist2
+import numpy as np
+
+from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.navigation.goal import Goal
 from thumper.navigation.speed_limits import is_still
 
@@ -13,6 +16,7 @@ MIN_HOLD_M = 0.05  # rotating in place moves a skid-steered base, and its estima
 # A skid-steered base turns about a centre up to 5 cm off `base_link`, which moves by up to twice that. While
 # it turns to the goal's heading that is no reason to drive back: it would never end a turn.
 TURNING_M = 0.10
+LEARN_RAD = 0.5  # a turn by less shows nothing of its centre
 
 
 class GoalChecker:
@@ -26,22 +30,47 @@ class GoalChecker:
         self._passed_m = min(PASSED_M, PASSED_FRACTION * goal.tolerance_m)
         self._hold_m = max(MIN_HOLD_M, goal.tolerance_m)
         self._least_m = math.inf
+        self._turn_start: Pose2 | None = None
+        # Centre of rotation in base_link, shape (2,) [m]; None until a turn has led out of the tolerance.
+        self._centre_m: FloatArray | None = None
         self.position_reached = False
 
     def update(self, map_from_base: Pose2) -> None:
         """Latch, or release if the robot has left the tolerance by far."""
-        distance_m = self._goal.distance_m(map_from_base)
+        stop = self.stop_goal(map_from_base) or self._goal
+        distance_m = stop.distance_m(map_from_base)
         tolerance_m = self._goal.tolerance_m
         self._least_m = min(self._least_m, distance_m)
         if self.position_reached:
             turning = abs(self._goal.heading_error_rad(map_from_base)) > self._goal.heading_tolerance_rad
             if distance_m > self._hold_m + (TURNING_M if turning else 0.0):
                 self.position_reached, self._least_m = False, distance_m
+                if not turning:
+                    self._learn_centre(map_from_base)
             return
         passed = distance_m > self._least_m + self._passed_m
         self.position_reached = distance_m <= NEAR_ENOUGH * tolerance_m or (
             distance_m <= tolerance_m and passed
         )
+        self._turn_start = map_from_base
+
+    def stop_goal(self, map_from_base: Pose2) -> Goal | None:
+        """Return where to stop, so that the turn to the goal's heading ends at the goal.
+
+        None as long as no turn has shown that this is another place.
+        """
+        if self._centre_m is None or self._goal.theta_rad is None:
+            return None
+        moved_m = (_rotation(self._goal.theta_rad) - _rotation(map_from_base.theta_rad)) @ self._centre_m
+        return replace(self._goal, x_m=self._goal.x_m + moved_m[0], y_m=self._goal.y_m + moved_m[1])
+
+    def _learn_centre(self, end: Pose2) -> None:
+        """Find the point of the robot that stayed in place during the turn."""
+        start = self._turn_start
+        if start is None or abs(wrap_angle(end.theta_rad - start.theta_rad)) < LEARN_RAD:
+            return
+        moved_m = np.array([end.x_m - start.x_m, end.y_m - start.y_m])
+        self._centre_m = np.linalg.solve(_rotation(start.theta_rad) - _rotation(end.theta_rad), moved_m)
 
     def accept_within_tolerance(self, map_from_base: Pose2) -> None:
         """Latch if the robot is within the tolerance: it is stationary, as near to the goal as it gets."""
@@ -52,3 +81,8 @@ class GoalChecker:
         """Return whether the robot is stationary at the goal, with its heading."""
         error_rad = abs(self._goal.heading_error_rad(map_from_base))
         return self.position_reached and is_still(twist) and error_rad <= self._goal.heading_tolerance_rad
+
+
+def _rotation(angle_rad: float) -> FloatArray:
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    return np.array([[cos, -sin], [sin, cos]])

@@ -48,8 +48,13 @@ class PathFollower:
         self._stationary_since_s = None
         self.dead_end = self._to_path_end = self._was_at_path_end = False
 
-    def compute_command(self, time_s: float, request: ControlRequest, goal: Goal) -> ControlResult:
-        """Return the next twist along the request's path, which must not be empty."""
+    def compute_command(
+        self, time_s: float, request: ControlRequest, goal: Goal, stop_goal: Goal | None = None
+    ) -> ControlResult:
+        """Return the next twist along the request's path, which must not be empty.
+
+        `stop_goal` is where to stop instead of at the goal, once the robot is near; None for the goal.
+        """
         if self._pose_follower.is_planning:
             return self._plan_on(request) or ControlResult(command=Twist2())
         if self._pose_follower.active:
@@ -59,7 +64,7 @@ class PathFollower:
             self._was_at_path_end |= self._to_path_end and self._pose_follower.reaches_goal
         result = (
             self._move_ahead.compute_command(request)
-            or self._final_approach.compute_command(request, goal)
+            or self._final_approach.compute_command(request, stop_goal or goal, missed=stop_goal is not None)
             or self._controller.compute_command(request)
         )
         if result.command is not None and not is_still(result.command):
