@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thumper.camera.v4l2 import V4l2Camera
+from thumper.camera.options import CameraOptions
+from thumper.camera.v4l2 import V4l2Camera, open_v4l2
 from thumper.common.errors import ThumperError
 from thumper.common.sensor import GONE_ERRORS, ReopenedSensor
 
@@ -47,5 +48,24 @@ def test_a_camera_without_frames_is_refused(video: Path) -> None:
         pass
     with pytest.raises(ThumperError, match="no frames from the camera video; check its cable") as refusal:
         V4l2Camera(capture, name="video", latency_s=0.0)
+    assert refusal.value.exit_code == 3
+    assert not capture.isOpened()
+
+
+@pytest.mark.parametrize(
+    ("port", "message"),
+    [("/dev/video99", "there is no such device"), ("/dev/null", "it is busy, no camera, or")],
+)
+def test_a_port_that_is_no_camera_is_refused(port: str, message: str) -> None:
+    with pytest.raises(ThumperError, match=f"cannot open the camera {port}: {message}") as refusal:
+        open_v4l2(CameraOptions(port=port))
+    assert refusal.value.exit_code == 3
+
+
+def test_a_camera_of_another_size_is_refused(video: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    capture = cv2.VideoCapture(str(video))
+    monkeypatch.setattr(cv2, "VideoCapture", lambda _port, _api: capture)
+    with pytest.raises(ThumperError, match=r"sends 64 x 48 pixels; correct \[camera\] width_px") as refusal:
+        open_v4l2(CameraOptions(port="/dev/null"))
     assert refusal.value.exit_code == 3
     assert not capture.isOpened()
