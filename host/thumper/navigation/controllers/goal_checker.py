@@ -17,6 +17,7 @@ MIN_HOLD_M = 0.05  # rotating in place moves a skid-steered base, and its estima
 # it turns to the goal's heading that is no reason to drive back: it would never end a turn.
 TURNING_M = 0.10
 LEARN_RAD = 0.5  # a turn by less shows nothing of its centre
+MAX_CENTRE_M = 0.10  # a centre further off base_link means that somebody pushed the robot, or the map jumped
 
 
 class GoalChecker:
@@ -70,7 +71,9 @@ class GoalChecker:
         if start is None or abs(wrap_angle(end.theta_rad - start.theta_rad)) < LEARN_RAD:
             return
         moved_m = np.array([end.x_m - start.x_m, end.y_m - start.y_m])
-        self._centre_m = np.linalg.solve(_rotation(start.theta_rad) - _rotation(end.theta_rad), moved_m)
+        centre_m = np.linalg.solve(_rotation(start.theta_rad) - _rotation(end.theta_rad), moved_m)
+        if math.hypot(*centre_m) <= MAX_CENTRE_M:
+            self._centre_m = centre_m
 
     def accept_within_tolerance(self, map_from_base: Pose2) -> None:
         """Latch if the robot is within the tolerance: it is stationary, as near to the goal as it gets."""
