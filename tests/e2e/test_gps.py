@@ -63,6 +63,13 @@ def test_a_run_too_short_for_the_place_on_earth_says_so(tmp_path: Path) -> None:
     assert load_datum(tmp_path / "out" / "map.yaml") is None
 
 
+def test_a_run_without_a_receiver_says_nothing_of_it(tmp_path: Path) -> None:
+    command = ["run", "--board", "sim://none/board?world=lab", "--lidar", "sim://none/lidar"]
+    done = CliRunner().invoke(build_app(), [*command, "--goal", "0.3", "0", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert "Earth" not in done.output
+
+
 def test_waiting_for_the_receiver_costs_no_scan() -> None:
     config = RobotConfig(gps=GpsOptions(enabled=True))
     config = with_ports(config, board="sim://wait/board", lidar="sim://wait/lidar")

@@ -130,5 +130,8 @@ def test_the_wrong_board_is_refused(images: list[np.ndarray], tmp_path: Path) ->
         ThumperError, match="1 different views of a chessboard of 9 x 6 inner corners, 8 are needed"
     ):
         calibrate("--images", str(tmp_path))
-    with pytest.raises(ThumperError, match=r"no \.jpg or \.png image"):
+    with pytest.raises(ThumperError, match="none: no such folder"):
         calibrate("--images", str(tmp_path / "none"))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ThumperError, match=r"no \.jpg or \.png image"):
+        calibrate("--images", str(tmp_path / "empty"))

@@ -34,6 +34,10 @@ class CameraOptions:
     detector: str = ""  # ONNX file of a YOLO detector, which finds objects; empty: none
     min_score: Annotated[float, Gt(0), Le(1)] = 0.5  # of a detected object
 
+    def __post_init__(self) -> None:
+        if self.detector and not self.enabled:
+            raise ValueError("detector needs enabled = true")
+
     def matrix(self) -> FloatArray:
         """Return the camera matrix, shape (3, 3)."""
         return np.array(

@@ -130,7 +130,9 @@ class V4l2Camera(Closable):
             if abs(stamp_s - now_s) > SAME_CLOCK_S:
                 stamp_s = now_s
             jpeg = bytes(image)
-            if image.ndim == 3 and image.shape[2] == 3:  # this camera does not compress
+            if image.ndim == 3 and image.shape[2] in (2, 3):  # this camera does not compress: YUYV or BGR
+                if image.shape[2] == 2:
+                    image = cv2.cvtColor(image, cv2.COLOR_YUV2BGR_YUY2)
                 jpeg = bytes(cv2.imencode(".jpg", image, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1])
             try:
                 jpeg_shape(jpeg)

@@ -143,4 +143,4 @@ def test_another_file_is_refused_in_one_line(kind: str, reason: str, tmp_path: P
 def test_without_onnxruntime_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     with pytest.raises(ThumperError, match=r"pip install 'thumper-robot\[objects\]'$"):
-        open_detector(CameraOptions(detector="any.onnx"))
+        open_detector(CameraOptions(enabled=True, detector="any.onnx"))

@@ -42,6 +42,28 @@ def test_frames_arrive_and_an_unplugged_camera_counts_as_gone(video: Path) -> No
     camera.close()
 
 
+class Yuyv:
+    """A device that does not compress: raw frames, as `CAP_PROP_CONVERT_RGB` 0 gives them."""
+
+    def read(self) -> tuple[bool, object]:
+        time.sleep(0.01)
+        return True, np.full((48, 64, 2), (80, 128), np.uint8)
+
+    def get(self, _property: int) -> float:
+        return 0.0
+
+    def release(self) -> None:
+        pass
+
+
+def test_a_camera_that_does_not_compress_is_read() -> None:
+    camera = V4l2Camera(Yuyv(), name="raw", latency_s=0.0)  # type: ignore[arg-type]
+    grey = camera.wait_for_sample(5.0).grey()
+    camera.close()
+    assert grey.shape == (48, 64)
+    assert grey.mean() == pytest.approx(75, abs=3)  # 80 of 16 to 235, as 0 to 255
+
+
 def test_a_camera_without_frames_is_refused(video: Path) -> None:
     capture = cv2.VideoCapture(str(video))
     while capture.read()[0]:

@@ -62,6 +62,7 @@ def test_masks_are_relative_to_the_file(tmp_path: Path) -> None:
         ('[navigation.recovery]\nbehaviours = ["jump"]\n', ["navigation.recovery.behaviours", "jump"]),
         ("[navigation.limits]\nv_max_m_s = 40.0\n", ["navigation.limits.v_max_m_s", "40.0", "less than"]),
         ('[bus]\ntoken = "short"\n', [": bus: a token has at least 12 characters"]),
+        ('[camera]\ndetector = "chairs.onnx"\n', ["camera: detector needs enabled = true"]),
         ("[board\n", ["not valid TOML", "line 1"]),
     ],
 )

@@ -11,6 +11,7 @@ from thumper.ros.to_ros import WARN
 from thumper.runtime.drive.legs import AnyLeg, Wait
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.loop import RobotLoop
+from thumper.runtime.sensor_table import GPS
 
 PLAIN_PERIOD_S = 1.0
 
@@ -78,7 +79,8 @@ def print_warnings(robot: RobotLoop, console: Console) -> None:
     """Print what was wrong with scans, wheels and GPS during the drive: one line per kind, with its count."""
     estimator = robot.inputs.estimator
     lines = list(estimator.warnings().values())
-    if estimator.earth is not None and estimator.map_datum() is None:
+    has_gps = any(feed.kind is GPS for feed in robot.inputs.feeds)
+    if has_gps and estimator.map_datum() is None:
         lines.append(
             "the place of the map on Earth is unknown: that takes a drive in view of walls with a fix, "
             "of 1 to 2 m with RTK, else of 30 m and more"

@@ -90,7 +90,8 @@ def drive_on_heading(distance_m: float, limits: SpeedLimits, start: Pose2) -> Mo
         offset = start.inverse() @ state.map_from_base
         v_m_s = axis.next_speed(distance_m - offset.x_m, state.twist.v_m_s)
         if v_m_s is None:
-            return MotionEnd(done=True, reason=f"drove {offset.x_m:.2f} m")
+            back = " back" if distance_m < 0.0 else ""
+            return MotionEnd(done=True, reason=f"drove {abs(offset.x_m):.2f} m{back}")
         w_rad_s = 0.0
         if v_m_s:
             w_rad_s = -HEADING_GAIN * offset.theta_rad - CROSS_TRACK_GAIN * v_m_s * offset.y_m
