@@ -111,9 +111,10 @@ class A5Lidar(StreamSensor[Scan]):
     def _identify(self) -> DeviceInfo:
         content = self._ask(self.model.info, INFO_TYPE)
         if content is None:
+            needs = "" if self._port.baud == self.model.baud else f" (it needs {self.model.baud})"
             raise ThumperError(
-                f"no {self.model.name} answers on {self._port.url} at {self._port.baud} baud (it needs "
-                f"{self.model.baud}); check its cable and supply, and [lidar] port, model and baud",
+                f"no {self.model.name} answers on {self._port.url} at {self._port.baud} baud{needs}; "
+                "check its cable and supply, and [lidar] port, model and baud",
                 exit_code=EXIT_NOT_THERE,
             )
         info = DeviceInfo.parse(content)
