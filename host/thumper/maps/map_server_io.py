@@ -60,6 +60,7 @@ def save_map(grid: OccupancyGrid, yaml_path: Path, datum: MapDatum | None = None
     ThumperError
         The directory is not writable.
     """
+    grid = grid.with_a_cell()
     pgm_path = yaml_path.with_suffix(".pgm")
     occupied = grid.cells >= 100.0 * OCCUPIED_THRESH
     free = (grid.cells != UNKNOWN) & (grid.cells < 100.0 * FREE_THRESH)

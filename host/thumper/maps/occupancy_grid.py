@@ -56,6 +56,15 @@ class OccupancyGrid:
             self.origin_y_m + (row + 0.5) * self.resolution_m,
         )
 
+    def with_a_cell(self) -> "OccupancyGrid":
+        """Return this grid, or with an unknown cell if it has none: no image is empty.
+
+        A map of ground where the lidar has reached nothing has no cells.
+        """
+        return (
+            self if self.cells.size else self.including(self.origin_x_m, self.origin_y_m, self.resolution_m)
+        )
+
     def including(self, x_m: float, y_m: float, margin_m: float) -> "OccupancyGrid":
         """Return this grid, padded with unknown cells to `margin_m` beyond the point on every side."""
         row_lo, col_lo = self.cell_of(x_m - margin_m, y_m - margin_m)

@@ -74,6 +74,7 @@ def save_figure(figure: Figure, png_path: Path, dpi: int) -> None:
 
 def _known_part(grid: OccupancyGrid) -> _Image:
     """Crop to the known cells and a margin; in a large map several cells share a pixel."""
+    grid = grid.with_a_cell()
     known = np.argwhere(grid.cells != UNKNOWN)
     margin = max(4, round(MARGIN_M / grid.resolution_m))
     rows, cols = grid.cells.shape

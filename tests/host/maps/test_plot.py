@@ -5,7 +5,8 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 
-from thumper.maps.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from thumper.maps.map_server_io import load_map, save_map
+from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.maps.plot import FREE_COLOUR, OCCUPIED_COLOUR, PATH_COLOUR, plot_map
 
 
@@ -20,3 +21,13 @@ def test_free_space_walls_and_path_are_visible(tmp_path: Path) -> None:
     for colour, tolerance, least in expected:
         rgb = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
         assert (np.abs(picture - rgb).max(axis=2) <= tolerance).sum() > least, colour
+
+
+def test_a_map_without_a_cell_is_saved_and_drawn(tmp_path: Path) -> None:
+    """On open ground the lidar reaches nothing."""
+    cells = np.empty((0, 0), np.int8)
+    grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
+    save_map(grid, tmp_path / "map.yaml")
+    assert (load_map(tmp_path / "map.yaml").cells == UNKNOWN).all()
+    plot_map(grid, np.zeros((2, 2)), tmp_path / "map.png", "open ground")
+    assert matplotlib.image.imread(tmp_path / "map.png").size
