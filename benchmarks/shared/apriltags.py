@@ -68,10 +68,11 @@ def photographs(folder: Path) -> None:
     for path in sorted(folder.glob("*.jpg")):
         grey = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
         expected = [_tag(line) for line in path.with_suffix(".txt").read_text().splitlines() if line.strip()]
+        found = find_tags(grey)
         near = [
             offset_px
             for number, corners_px in expected
-            for seen in find_tags(grey)
+            for seen in found
             if seen.number == number
             and (offset_px := _corner_offsets(seen.corners_px, corners_px)).max() < SAME_TAG_PX
         ]

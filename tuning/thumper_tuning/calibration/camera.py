@@ -73,9 +73,9 @@ def frames_of(options: CameraOptions) -> Iterator[Any]:
 
 def images_of(folder: Path) -> Iterator[Any]:
     """Yield the images of a folder, by name; raises ThumperError if there is none."""
-    paths = sorted(path for path in folder.glob("*") if path.suffix.lower() in {".jpg", ".jpeg", ".png"})
     if not folder.is_dir():
         raise ThumperError(f"{folder}: no such folder", exit_code=EXIT_USAGE)
+    paths = sorted(path for path in folder.glob("*") if path.suffix.lower() in {".jpg", ".jpeg", ".png"})
     if not paths:
         raise ThumperError(f"{folder}: no .jpg or .png image in it", exit_code=EXIT_USAGE)
     for path in paths:

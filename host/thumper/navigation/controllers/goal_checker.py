@@ -3,9 +3,7 @@
 import math
 from dataclasses import replace
 
-import numpy as np
-
-from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
+from thumper.common.geometry import Pose2, Twist2
 from thumper.navigation.goal import Goal
 from thumper.navigation.speed_limits import is_still
 
@@ -32,8 +30,8 @@ class GoalChecker:
         self._hold_m = max(MIN_HOLD_M, goal.tolerance_m)
         self._least_m = math.inf
         self._turn_start: Pose2 | None = None
-        # Centre of rotation in base_link, shape (2,) [m]; None until a turn has led out of the tolerance.
-        self._centre_m: FloatArray | None = None
+        # Centre of rotation in base_link; None until a turn has led out of the tolerance.
+        self._base_from_centre: Pose2 | None = None
         self.position_reached = False
 
     def update(self, map_from_base: Pose2) -> None:
@@ -60,20 +58,24 @@ class GoalChecker:
 
         None as long as no turn has shown that this is another place.
         """
-        if self._centre_m is None or self._goal.theta_rad is None:
+        goal, base_from_centre = self._goal, self._base_from_centre
+        if base_from_centre is None or goal.theta_rad is None:
             return None
-        moved_m = (_rotation(self._goal.theta_rad) - _rotation(map_from_base.theta_rad)) @ self._centre_m
-        return replace(self._goal, x_m=self._goal.x_m + moved_m[0], y_m=self._goal.y_m + moved_m[1])
+        centre = Pose2(x_m=goal.x_m, y_m=goal.y_m, theta_rad=goal.theta_rad) @ base_from_centre
+        stop = replace(centre, theta_rad=map_from_base.theta_rad) @ base_from_centre.inverse()
+        return replace(goal, x_m=stop.x_m, y_m=stop.y_m)
 
     def _learn_centre(self, end: Pose2) -> None:
-        """Find the point of the robot that stayed in place during the turn."""
-        start = self._turn_start
-        if start is None or abs(wrap_angle(end.theta_rad - start.theta_rad)) < LEARN_RAD:
+        """Find the point of the robot that stayed in place in the turn: c = t + R c in the first frame."""
+        if self._turn_start is None:
             return
-        moved_m = np.array([end.x_m - start.x_m, end.y_m - start.y_m])
-        centre_m = np.linalg.solve(_rotation(start.theta_rad) - _rotation(end.theta_rad), moved_m)
-        if math.hypot(*centre_m) <= MAX_CENTRE_M:
-            self._centre_m = centre_m
+        moved = self._turn_start.inverse() @ end
+        if abs(moved.theta_rad) < LEARN_RAD:
+            return
+        cot = 1.0 / math.tan(0.5 * moved.theta_rad)
+        x_m, y_m = 0.5 * (moved.x_m - cot * moved.y_m), 0.5 * (moved.y_m + cot * moved.x_m)
+        if math.hypot(x_m, y_m) <= MAX_CENTRE_M:
+            self._base_from_centre = Pose2(x_m=x_m, y_m=y_m)
 
     def accept_within_tolerance(self, map_from_base: Pose2) -> None:
         """Latch if the robot is within the tolerance: it is stationary, as near to the goal as it gets."""
@@ -84,8 +86,3 @@ class GoalChecker:
         """Return whether the robot is stationary at the goal, with its heading."""
         error_rad = abs(self._goal.heading_error_rad(map_from_base))
         return self.position_reached and is_still(twist) and error_rad <= self._goal.heading_tolerance_rad
-
-
-def _rotation(angle_rad: float) -> FloatArray:
-    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
-    return np.array([[cos, -sin], [sin, cos]])
