@@ -15,6 +15,7 @@ from thumper.config.robot import RobotConfig, with_ports
 from thumper.gps.earth_reference import MapDatum
 from thumper.gps.local_plane import EastNorth, LatLon, LocalPlane
 from thumper.gps.options import GpsOptions
+from thumper.imu.options import ImuOptions
 from thumper.maps.map_server_io import load_datum, save_map
 from thumper.navigation.goal import Goal
 from thumper.ros.codec import Message
@@ -138,3 +139,24 @@ def test_a_new_map_knows_its_place_on_earth(tmp_path: Path) -> None:
     origin = LocalPlane(DATUM).to_earth(EastNorth(start.x_m, start.y_m))
     assert math.hypot(*LocalPlane(origin).to_plane(LatLon(*datum[:2]))) < 0.15
     assert datum.yaw_rad == pytest.approx(start.theta_rad, abs=0.1)
+
+
+def test_on_open_ground_the_map_and_goals_find_their_place_on_earth() -> None:
+    """The lidar reaches nothing from the start: neither goals behind it nor the datum need a wall there."""
+    config = with_ports(
+        RobotConfig(gps=GpsOptions(enabled=True), imu=ImuOptions(enabled=True)),
+        board="sim://open/board?world=yard&gps=rtk&gps_Hz=5&seed=3",
+        lidar="sim://open/lidar",
+    )
+    target_m = (0.0, 4.0)
+    with open_robot(config, None) as robot:
+        while simulation("open").time_s < 13.0:  # until the ambiguities are resolved
+            robot.step()
+        for goal in (Goal(x_m=-2.0, y_m=0.5), Goal(x_m=2.0, y_m=1.5)):
+            assert robot.run(drive_to_goal(goal)).reached
+        datum = robot.inputs.estimator.map_datum()
+        assert datum is not None
+        assert datum.yaw_rad == pytest.approx(0.0, abs=0.06)
+        x_m, y_m = datum.to_map(LocalPlane(DATUM).to_earth(EastNorth(*target_m)))
+        assert robot.run(drive_to_goal(Goal(x_m=x_m, y_m=y_m, tolerance_m=0.05))).reached
+    assert math.dist(simulation("open").truth()[-1, 1:3], target_m) < 0.2

@@ -108,7 +108,7 @@ def test_gps(line: Line) -> None:
                     odom_from_base @= Pose2(x_m=1.0)
                     for earth in earths:
                         earth.filter.predict(odom_from_base, 0.0)
-                        earth.add(fix, odom_from_base, Pose2(), aligns=True)
+                        earth.add(fix, odom_from_base, Pose2(), drift_m=0.0)
                         earth.prior(fix), earth.in_map(fix)
                         earth.map_from_odom(better_than_m=1.0)
             fixes = [fix for _ in line.send(b"\n" + GPS) for fix in driver.poll()]

@@ -42,15 +42,19 @@ class EarthReference:
         self._datum = datum
         self._alignment = Alignment()  # of the map
 
-    def add(self, fix: Fix, odom_at_fix: Pose2, map_from_odom: Pose2, *, aligns: bool) -> None:
-        """Add a fix, with the odometry at its time; `aligns` if the map does not itself follow the GPS."""
+    def add(self, fix: Fix, odom_at_fix: Pose2, map_from_odom: Pose2, *, drift_m: float) -> None:
+        """Add a fix, with the odometry at its time and the drift of that since the last match with the map.
+
+        Where it has drifted by more than the fix's error, the map follows the GPS as soon as it is aligned,
+        and says no more about the alignment.
+        """
         plane = self.filter.plane
         seen = self.filter.correct(fix, odom_at_fix)
         if self.filter.plane is not plane:
             self._alignment = Alignment()
-        if seen is not None and aligns:
+        if seen is not None and (drift_m < fix.std_m or self.enu_from_map is None):
             antenna = map_from_odom @ odom_at_fix @ self._base_from_antenna
-            self._alignment.add(fix.time_s, antenna, seen, max(fix.std_m, MIN_STD_M) ** 2)
+            self._alignment.add(fix.time_s, antenna, seen, max(fix.std_m, MIN_STD_M) ** 2 + drift_m**2)
 
     def prior(self, fix: Fix) -> tuple[float, float, float] | None:
         """Return x, y and their standard deviation [m] in a loaded map; None without a fix or a datum."""

@@ -1,5 +1,6 @@
 """The occupancy grid: output of the mappers, input of the planners."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,6 +10,7 @@ from thumper.maps.cell_changes import CellBox, RenderHistory, new_history
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 MAX_CELLS = 100_000_000  # that a file or message may hold: 500 m by 500 m at 5 cm
+BLOCK = 32  # cells by which a grid is padded
 
 CellArray = NDArray[np.int8]
 
@@ -66,12 +68,17 @@ class OccupancyGrid:
         )
 
     def including(self, x_m: float, y_m: float, margin_m: float) -> "OccupancyGrid":
-        """Return this grid, padded with unknown cells to `margin_m` beyond the point on every side."""
+        """Return this grid, padded with unknown cells to `margin_m` beyond the point on every side, or more.
+
+        It grows by whole blocks, so that its shape stays the same for most points on the way.
+        """
         row_lo, col_lo = self.cell_of(x_m - margin_m, y_m - margin_m)
         row_hi, col_hi = self.cell_of(x_m + margin_m, y_m + margin_m)
         rows, cols = self.cells.shape
-        below, left = max(0, -row_lo), max(0, -col_lo)
-        above, right = max(0, row_hi + 1 - rows), max(0, col_hi + 1 - cols)
+        below, left, above, right = (
+            BLOCK * math.ceil(max(0, cells) / BLOCK)
+            for cells in (-row_lo, -col_lo, row_hi + 1 - rows, col_hi + 1 - cols)
+        )
         if not (below or left or above or right):
             return self
         return OccupancyGrid(

@@ -3,6 +3,7 @@
 Inputs are first rounded to the precision of a recording, so that a replay is identical bit for bit.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass, replace
 
@@ -103,6 +104,7 @@ class StateEstimator:
         self._hits_in_map_m = np.empty((0, 2))
         self._map_from_scan_base: Pose2 | None = None
         self._scan_time_s = -np.inf
+        self._mapped_var_rad2 = 0.0  # of the odometry's heading at the newest scan in the map
         self.scan_checker = ScanChecker()
         self.scans_mapped = 0
         self.driven_m = 0.0  # by odometry: the pose in the map also jumps while the robot is stationary
@@ -151,7 +153,7 @@ class StateEstimator:
         if not self._pose_buffer.covers(fix.time_s):
             return
         drift_m = UNMATCHED_DRIFT * (self.driven_m - self._matched_at_m)
-        self.earth.add(fix, self._pose_buffer.at(fix.time_s), self.map_from_odom, aligns=drift_m < fix.std_m)
+        self.earth.add(fix, self._pose_buffer.at(fix.time_s), self.map_from_odom, drift_m=drift_m)
         by_gps = self.earth.map_from_odom(better_than_m=drift_m)
         if by_gps is not None:
             self._corrected_from_odom = self.mapper.map_from_odom.inverse() @ by_gps
@@ -264,13 +266,21 @@ class StateEstimator:
             else:  # taken before the first telemetry
                 self.scan_checker.count(ScanDefect.NO_ODOMETRY)
 
+    def _turn_std_rad(self) -> float:
+        """Return the error of the turn since the previous scan [rad]; infinite without a gyroscope."""
+        if not isinstance(self._odometry, GyroEkf):
+            return math.inf
+        before, self._mapped_var_rad2 = self._mapped_var_rad2, float(self._odometry.covariance[2, 2])
+        return math.sqrt(max(0.0, self._mapped_var_rad2 - before))
+
     def _map(self, scan: Scan, revolution_s: float) -> None:
         odom_from_base = self._pose_buffer.at(scan.time_s)
         motion = odom_from_base.inverse() @ self._pose_buffer.at(scan.time_s + revolution_s)
         twist = Twist2()
         if revolution_s > 0.0:
             twist = Twist2(v_m_s=motion.x_m / revolution_s, w_rad_s=motion.theta_rad / revolution_s)
-        update = self.mapper.update(self._corrected_from_odom @ odom_from_base, scan, twist)
+        corrected = self._corrected_from_odom @ odom_from_base
+        update = self.mapper.update(corrected, scan, twist, turn_std_rad=self._turn_std_rad())
         if update.match_score >= GOOD_MATCH:  # not NaN, as of a scan that hits nothing
             self._matched_at_m = self.driven_m
         self.mount_check.update(odom_from_base, scan)

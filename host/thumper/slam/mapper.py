@@ -39,11 +39,14 @@ class PoseQuality:
 class Mapper(Protocol):
     """Simultaneous localization and mapping, one call per scan."""
 
-    def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
+    def update(
+        self, odom_from_base: Pose2, scan: Scan, twist: Twist2, *, turn_std_rad: float = math.inf
+    ) -> MapperUpdate:
         """Process one scan.
 
         `odom_from_base` is the odometry pose at `scan.time_s` (beam 0). `twist` is the speed during the
-        revolution, for de-skewing.
+        revolution, for de-skewing. `turn_std_rad` is the error of the odometry's turn since the previous
+        scan, if a gyroscope measured it; methods that assume more anyway ignore it.
         """
         ...
 

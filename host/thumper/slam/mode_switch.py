@@ -1,5 +1,7 @@
 """Switch between mapping and localization while the robot runs."""
 
+import math
+
 import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
@@ -192,9 +194,12 @@ class SlamModeSwitch:
         self._mapper.resume_at(localizer.map_from_base, localizer.map_from_odom, quality.covariance)
         self.localizer, self._resume_when_confirmed = None, False
 
-    def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
+    def update(
+        self, odom_from_base: Pose2, scan: Scan, twist: Twist2, *, turn_std_rad: float = math.inf
+    ) -> MapperUpdate:
         """Process one scan; see `Mapper.update`."""
-        update = (self.localizer or self._mapper).update(odom_from_base, scan, twist)
+        active = self.localizer or self._mapper
+        update = active.update(odom_from_base, scan, twist, turn_std_rad=turn_std_rad)
         self._odom_from_base, self._map_from_base = odom_from_base, update.map_from_base
         if self.localizer is None and (field := self._own_map_after_kidnapping()) is not None:
             # Search the own map, and continue in it once the scans confirm a place.

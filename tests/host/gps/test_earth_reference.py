@@ -31,7 +31,7 @@ def drive(earth: EarthReference, far_at: int) -> None:
         odom_from_base = Pose2(x_m=float(k))
         earth.filter.predict(odom_from_base, 1e-4 * k)
         place = FAR if k == far_at else plane.to_earth(EastNorth(0.0, float(k)))
-        earth.add(fix(float(k), place), odom_from_base, Pose2(), aligns=True)
+        earth.add(fix(float(k), place), odom_from_base, Pose2(), drift_m=0.0)
 
 
 @pytest.mark.parametrize("far_at", [0, 1, 30])

@@ -86,7 +86,7 @@ class LocalModel:
         seen_m = np.vstack((self.hits_m, near_m))
 
         window = window_of(cycle.grid, base, self._options)
-        unseen_m = self._unseen.update(window, base)
+        unseen_m = self._unseen.update(window, base, self.hits_m, scan_pose)
         self.move_ahead_m = self._unseen.move_ahead_m(unseen_m, base)
         closed_m = self._unseen.beyond_slack(unseen_m, base)
         self.local_costmap = self._window_costs(window, seen_m, closed_m)

@@ -5,6 +5,7 @@ grazing angle.
 """
 
 import math
+from copy import copy
 from enum import IntEnum
 
 import numpy as np
@@ -38,15 +39,40 @@ def ray_evidence(
     """
     bearing_rad, range_m = view.bearings_and_ranges(map_from_base, points_m)
     hit_rad, hit_m = view.bearings_and_ranges(map_from_base, hits_m)
-    nearest_m = np.full(BINS, np.inf)
-    np.minimum.at(nearest_m, _bins(hit_rad), hit_m)
-    around_m = np.minimum(np.minimum(np.roll(nearest_m, 1), nearest_m), np.roll(nearest_m, -1))
-    there_m = around_m[_bins(bearing_rad)]
+    there_m = _nearest_echoes_m(hit_rad, hit_m)[_bins(bearing_rad)]
     found = np.where(_is_between_echoes(hit_rad, bearing_rad), Evidence.PASSED, Evidence.SILENT)
     found[there_m <= range_m + depth_m] = Evidence.SEEN
     found[there_m < range_m - depth_m] = Evidence.HIDDEN
     found[~view.contains(bearing_rad, range_m, edge_rad=BIN_RAD)] = Evidence.OUT_OF_VIEW
     return found
+
+
+class Look:
+    """What one scan had a free view of, compact enough to be remembered."""
+
+    def __init__(self, view: FieldOfView, map_from_base: Pose2, hits_m: FloatArray) -> None:
+        """`hits_m`, shape (k, 2), are the echoes in map [m] of a scan taken at `map_from_base`."""
+        self._view, self._map_from_base = view, map_from_base
+        self._echoes_m = _nearest_echoes_m(*view.bearings_and_ranges(map_from_base, hits_m))
+
+    def moved(self, new_from_old: Pose2) -> "Look":
+        """Return this look, moved with the map."""
+        moved = copy(self)
+        moved._map_from_base = new_from_old @ self._map_from_base
+        return moved
+
+    def is_open(self, points_m: FloatArray) -> NDArray[np.bool_]:
+        """Return which places, shape (n, 2) in map [m], were in view, with no echo from there or nearer."""
+        bearing_rad, range_m = self._view.bearings_and_ranges(self._map_from_base, points_m)
+        in_view = self._view.contains(bearing_rad, range_m, edge_rad=BIN_RAD)
+        return in_view & (range_m < self._echoes_m[_bins(bearing_rad)])
+
+
+def _nearest_echoes_m(hit_rad: FloatArray, hit_m: FloatArray) -> FloatArray:
+    """Return the range of the nearest echo in and beside each bin, shape (BINS,); inf without one."""
+    nearest_m: FloatArray = np.full(BINS, np.inf)
+    np.minimum.at(nearest_m, _bins(hit_rad), hit_m)
+    return np.asarray(np.minimum(np.minimum(np.roll(nearest_m, 1), nearest_m), np.roll(nearest_m, -1)))
 
 
 def _bins(bearing_rad: FloatArray) -> NDArray[np.int64]:

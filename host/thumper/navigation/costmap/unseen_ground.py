@@ -2,15 +2,21 @@
 
 The lidar looks ahead. A robot that backs up, or swings its tail in a rotation, moves over ground that the
 current scan does not show. If no earlier scan has shown it either, a chair leg may stand there.
+
+On open ground nothing returns an echo, and the map stays unknown. Ground in which several scans, taken from
+different places, found nothing counts as seen. One is not enough: dark legs stay silent from some directions.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import FREE, OccupancyGrid
+from thumper.navigation.costmap.ray_evidence import Look
 from thumper.navigation.footprint import Footprint
 
 REACH_M = 0.25  # beyond the robot's circle: further than it moves before it can stop
@@ -25,6 +31,19 @@ TURNING_ROOM_M = 0.03  # beyond the robot's circle
 EDGE_OF_VIEW_RAD = math.radians(1.0)
 STEP_M, STEP_RAD = 0.05, 0.10  # between two remembered poses
 REMEMBERED_M, REMEMBERED_POSES = 2.0, 100
+NO_HITS: FloatArray = np.empty((0, 2))
+LOOKS = 3  # of the remembered scans that found ground open
+
+
+class _Visit(NamedTuple):
+    """Where the robot was, and what its lidar found there."""
+
+    map_from_base: Pose2
+    look: Look
+
+    def moved(self, new_from_old: Pose2) -> "_Visit":
+        """Return this visit, moved with the map."""
+        return _Visit(new_from_old @ self.map_from_base, self.look.moved(new_from_old))
 
 
 class UnseenGround:
@@ -36,29 +55,48 @@ class UnseenGround:
         self._near_m = footprint.circumscribed_radius_m + REACH_M
         self._view = view
         self._first: Pose2 | None = None
-        self._stood: list[Pose2] = []
+        self._visits: list[_Visit] = []
 
     def move(self, new_from_old: Pose2) -> None:
-        """Move the remembered poses with the map."""
-        self._stood = [new_from_old @ pose for pose in self._stood]
+        """Move what is remembered with the map."""
+        self._visits = [visit.moved(new_from_old) for visit in self._visits]
         self._first = None if self._first is None else new_from_old @ self._first
 
-    def update(self, window: OccupancyGrid, map_from_base: Pose2) -> FloatArray:
+    def update(
+        self,
+        window: OccupancyGrid,
+        map_from_base: Pose2,
+        hits_m: FloatArray = NO_HITS,
+        scan_pose: Pose2 | None = None,
+    ) -> FloatArray:
         """Return the centres of the unseen cells near the robot, shape (n, 2) [m].
 
-        Marks unknown cells where the robot is or was as free, in place.
+        Marks unknown cells where the robot is or was, and those that it has found open, as free, in place.
+        `hits_m`, shape (k, 2), are the echoes of the scan taken at `scan_pose` (None: at `map_from_base`).
         """
         rows, cols = self._unknown_near(window, map_from_base)
         corner_m = np.array((window.origin_x_m, window.origin_y_m))
         centres_m: FloatArray = corner_m + (np.column_stack((cols, rows)) + 0.5) * window.resolution_m
-        self._remember(map_from_base)
-        stood = self._outside_m(centres_m, self._first or map_from_base) <= FIRST_EDGE_M
-        for pose in (map_from_base, *self._stood):
-            stood |= self._outside_m(centres_m, pose) <= 0.0
-        window.cells[rows[stood], cols[stood]] = FREE
+        self._remember(map_from_base, Look(self._view, scan_pose or map_from_base, hits_m))
+        free = self._is_free(centres_m, map_from_base)
+        window.cells[rows[free], cols[free]] = FREE
         bearing_rad, range_m = self._view.bearings_and_ranges(map_from_base, centres_m)
         in_view = self._view.contains(bearing_rad, range_m, edge_rad=EDGE_OF_VIEW_RAD)
-        return np.asarray(centres_m[~stood & ~in_view])
+        return np.asarray(centres_m[~free & ~in_view])
+
+    def _is_free(self, points_m: FloatArray, map_from_base: Pose2) -> NDArray[np.bool_]:
+        """Return which points, shape (n, 2), the robot has been on, or has found open several times, shape (n,)."""
+        free = self._outside_m(points_m, self._first or map_from_base) <= FIRST_EDGE_M
+        free |= self._outside_m(points_m, map_from_base) <= 0.0
+        looks = np.zeros(len(points_m), np.int64)
+        for visit in reversed(self._visits):
+            left = np.flatnonzero(~free)
+            if not left.size:
+                break
+            looks[left] += visit.look.is_open(points_m[left])
+            free[left] = looks[left] >= LOOKS
+            free[left] |= self._outside_m(points_m[left], visit.map_from_base) <= 0.0
+        return free
 
     def beyond_slack(self, points_m: FloatArray, map_from_base: Pose2) -> FloatArray:
         """Return the points that are further from the robot than `SLACK_M`."""
@@ -88,13 +126,16 @@ class UnseenGround:
         near = np.hypot(rows + top - row, cols + left - col) <= half
         return rows[near] + top, cols[near] + left
 
-    def _remember(self, map_from_base: Pose2) -> None:
-        """Add a pose that differs from the newest one; forget those far away."""
-        if not self._stood or self._stood[-1].distance_m(map_from_base) > FIRST_AGAIN_M:
+    def _remember(self, map_from_base: Pose2, look: Look) -> None:
+        """Add a visit whose pose differs from that of the newest; forget those far away."""
+        last = self._visits[-1].map_from_base if self._visits else None
+        if last is None or last.distance_m(map_from_base) > FIRST_AGAIN_M:
             self._first = map_from_base
         else:
-            moved = self._stood[-1].inverse() @ map_from_base
+            moved = last.inverse() @ map_from_base
             if math.hypot(moved.x_m, moved.y_m) < STEP_M and abs(moved.theta_rad) < STEP_RAD:
                 return
-        near = [pose for pose in self._stood if pose.distance_m(map_from_base) <= REMEMBERED_M]
-        self._stood = [*near[-REMEMBERED_POSES + 1 :], map_from_base]
+        near = [
+            visit for visit in self._visits if visit.map_from_base.distance_m(map_from_base) <= REMEMBERED_M
+        ]
+        self._visits = [*near[-REMEMBERED_POSES + 1 :], _Visit(map_from_base, look)]

@@ -29,7 +29,7 @@ from thumper.runtime.requests import TeleopSource, Velocity
 from thumper.runtime.safe_stop import STOP_CYCLES
 from thumper.runtime.state_estimator import RobotState
 
-GOAL_MARGIN_M = 1.0
+GOAL_MARGIN_M, ROBOT_MARGIN_M = 1.0, 2.5  # the controllers read a window of 4 m
 DISARMED_CYCLES = 3  # telemetry from before ARM may still arrive
 BY_PROGRAM, RELEASED = "driven by another program", "manual command released"
 
@@ -271,11 +271,14 @@ class DriveManager:
         assert self.goal is not None  # DRIVING has one
         if self._waits_for_data(state):
             return None
+        # Where the lidar reaches nothing, the map may end before the goal, and before the robot.
+        x_m, y_m = state.map_from_base.x_m, state.map_from_base.y_m
+        with_goal = grid().including(self.goal.x_m, self.goal.y_m, GOAL_MARGIN_M)
         output = self.navigator.update(
             state.time_s,
             state.map_from_base,
             state.twist,
-            grid().including(self.goal.x_m, self.goal.y_m, GOAL_MARGIN_M),
+            with_goal.including(x_m, y_m, ROBOT_MARGIN_M),
             state.hits_in_map_m,
             lost=state.lost,
             frames=state.frames,

@@ -11,7 +11,7 @@ from thumper.lidar.deskew import ScanPoints, scan_points
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.slam.grid.grid_matcher import GridMatcher, Match, Prediction
+from thumper.slam.grid.grid_matcher import NEW_AREA_BELOW, GridMatcher, Match, Prediction
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.kidnap_detector import KidnapDetector
 from thumper.slam.grid.options import GridMapperOptions
@@ -19,8 +19,8 @@ from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.scan_matching.gauss_newton import MIN_HITS, degenerate_direction, odometry_information
 from thumper.slam.scan_matching.pose_covariance import PoseCovariance
 
-# Share of the hits that contradict the map. With less, a scan that the map does not explain shows a new area.
-NEW_AREA_BELOW = 0.2
+# Least error of a turn that a gyroscope measured: tilt, and scans stamped 10 ms too late or too early.
+GYRO_STD_RAD, GYRO_SLIP_PER_RAD = 0.002, 0.03
 
 
 class GridMapper:
@@ -122,7 +122,9 @@ class GridMapper:
         )
         scratch.grid()
 
-    def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
+    def update(
+        self, odom_from_base: Pose2, scan: Scan, twist: Twist2, *, turn_std_rad: float = math.inf
+    ) -> MapperUpdate:
         """Process one scan; see `Mapper.update`.
 
         A scan with too few usable beams moves the pose by odometry alone and does not change the map.
@@ -133,7 +135,8 @@ class GridMapper:
         match, consistent, usable = Match(pose=predicted), True, hits_m.shape[0] >= MIN_HITS
         if usable and self._inserted_at is not None:
             degenerate = degenerate_direction(predicted.theta_rad, hits_m)
-            match = self._match(hits_m, predicted, moved, degenerate)
+            turn_std_rad = math.hypot(GYRO_STD_RAD, turn_std_rad) + GYRO_SLIP_PER_RAD * abs(moved.theta_rad)
+            match = self._match(points, predicted, moved, degenerate, turn_std_rad)
             evidence = self._matcher().evidence(points, match.pose)
             self._kidnap.update(evidence, hits_m, moved, self._pose.inverse() @ match.pose)
             if self._kidnap.suspect:
@@ -155,14 +158,18 @@ class GridMapper:
         self._covariance.predict(self._pose, predicted)
         return predicted, moved
 
-    def _match(self, hits_m: FloatArray, predicted: Pose2, moved: Pose2, degenerate: FloatArray) -> Match:
+    def _match(
+        self, points: ScanPoints, predicted: Pose2, moved: Pose2, degenerate: FloatArray, turn_std_rad: float
+    ) -> Match:
         """Return the best match near the predicted pose."""
+        matching = self._options.matching
         prediction = Prediction(
             pose=predicted,
             turn_rad=abs(moved.theta_rad),
-            information=odometry_information(self._options.matching, moved, degenerate),
+            information=odometry_information(matching, moved, degenerate, turn_std_rad=turn_std_rad),
+            turn_std_rad=turn_std_rad,
         )
-        return self._matcher().match(hits_m, prediction)
+        return self._matcher().match(points, prediction)
 
     def _is_explained(self, match: Match) -> bool:
         """Return whether the map explains the scan at the matched pose."""

@@ -23,8 +23,10 @@ from thumper.slam.scan_matching.gauss_newton import (
 SCORE_STD_M = 0.1  # width of the beam likelihood in the score
 SEARCH_STD_M = 2.0 * SCORE_STD_M  # the same in a search: wide enough that its steps miss no peak
 SEARCH_BELOW = 0.5  # a score below this starts the window search
+NEW_AREA_BELOW = 0.2  # share of the hits that contradict the map
 SEARCH_GAIN = 0.1  # a pose from the window search must score this much better
 SEARCH_STEP_RAD = 0.04  # of the window search
+SEARCH_SIGMAS = 4.0  # of a turn that a gyroscope measured: no search leaves it further behind
 EVIDENCE_BEAMS = 60  # of a scan that are traced through the map
 HEADING_GAIN = 0.02  # a pose from another heading must score this much better
 
@@ -36,6 +38,7 @@ class Prediction:
     pose: Pose2
     turn_rad: float  # absolute turn since the last scan
     information: FloatArray  # inverse covariance of the pose, shape (3, 3)
+    turn_std_rad: float = math.inf  # of a turn that a gyroscope measured: the scan cannot contradict it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,16 +60,17 @@ class GridMatcher:
     grid: HitGrid
     options: GridMapperOptions
 
-    def match(self, hits_m: FloatArray, prediction: Prediction) -> Match:
-        """Return the best match near the prediction, for hits in the base frame, shape (n, 2)."""
+    def match(self, points: ScanPoints, prediction: Prediction) -> Match:
+        """Return the best match near the prediction."""
+        hits_m = points.hits_m()
         best = self.refine(hits_m, prediction.pose, prediction.information)
         if best.score < SEARCH_BELOW:
             # Beams into an area that is not mapped yet pull at the pose. Reduce their weight.
             best = best.better(self.refine(hits_m, prediction.pose, prediction.information, 0.5 * OUTLIER_M))
         if (start := self._search_headings(hits_m, prediction)) is not None:
             best = best.better(self.refine(hits_m, start, prediction.information), HEADING_GAIN)
-        if best.score < SEARCH_BELOW:
-            start = self.search_window(hits_m, prediction.pose)
+        if best.score < SEARCH_BELOW and not self.shows_new_area(points, best.pose):
+            start = self.search_window(hits_m, prediction.pose, SEARCH_SIGMAS * prediction.turn_std_rad)
             best = best.better(self.refine(hits_m, start, prediction.information), SEARCH_GAIN)
         return best
 
@@ -85,6 +89,10 @@ class GridMatcher:
         """Return the information of the beams alone at the pose, shape (3, 3)."""
         weights = MatchWeights(self.options.matching.beam_std_m)
         return beam_information(hits_m, self._to_corner(pose), self.grid.field, weights)
+
+    def shows_new_area(self, points: ScanPoints, pose: Pose2) -> bool:
+        """Return whether hardly a beam contradicts the map: what the map does not explain is new."""
+        return self.evidence(points, pose).contradicting_share < NEW_AREA_BELOW
 
     def evidence(self, points: ScanPoints, pose: Pose2) -> BeamEvidence:
         """Return what about `EVIDENCE_BEAMS` of the hits say about the pose."""
@@ -105,6 +113,7 @@ class GridMatcher:
         The basin of the heading is the field's cut-off over the range, so it is small with long beams.
         """
         window_rad = 2.0 * self.options.matching.slip_per_rad * prediction.turn_rad
+        window_rad = min(window_rad, SEARCH_SIGMAS * prediction.turn_std_rad)
         range_m = upper_quartile(np.hypot(hits_m[:, 0], hits_m[:, 1]))
         if window_rad * range_m <= self.options.reach_m:
             return None
@@ -117,11 +126,14 @@ class GridMatcher:
             heading_search(hits_m, self._to_corner(centre), window, self.grid.field, SEARCH_STD_M)
         )
 
-    def search_window(self, hits_m: FloatArray, centre: Pose2) -> Pose2:
-        """Return the best pose of the search window around `centre`."""
+    def search_window(self, hits_m: FloatArray, centre: Pose2, most_rad: float = math.inf) -> Pose2:
+        """Return the best pose of the search window around `centre`, turned by at most `most_rad`."""
+        window_rad = self.options.search_window_rad
+        if most_rad < window_rad:  # whole steps; between them the refinement finds the heading
+            window_rad = SEARCH_STEP_RAD * (most_rad // SEARCH_STEP_RAD)
         window = SearchWindow(
             self.options.search_window_m,
-            self.options.search_window_rad,
+            window_rad,
             2.0 * self.options.resolution_m,
             SEARCH_STEP_RAD,
         )

@@ -184,7 +184,9 @@ class Amcl:
         )
         scratch.update(Pose2(), scan, Twist2())
 
-    def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
+    def update(
+        self, odom_from_base: Pose2, scan: Scan, twist: Twist2, *, turn_std_rad: float = math.inf
+    ) -> MapperUpdate:
         """Process one scan; see `Mapper.update`.
 
         A stationary robot keeps its particles: the same view weighed twice would make it overconfident. A

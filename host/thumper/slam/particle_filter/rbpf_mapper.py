@@ -124,7 +124,9 @@ class RbpfMapper:
         scratch._resample()
         scratch.grid()
 
-    def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
+    def update(
+        self, odom_from_base: Pose2, scan: Scan, twist: Twist2, *, turn_std_rad: float = math.inf
+    ) -> MapperUpdate:
         """Process one scan; see `Mapper.update`.
 
         A scan with too few usable beams moves the pose by odometry alone and does not change the maps.

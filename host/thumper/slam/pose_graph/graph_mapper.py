@@ -5,6 +5,7 @@ short distance. When the robot returns after a long loop, the old map stays out 
 has located the new one on it. So drift stays visible as drift, and no scan is torn between two positions.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -112,10 +113,12 @@ class GraphMapper:
         )
         Solver(np.zeros((2, 3)), [edge]).run_part()
 
-    def update(self, odom_from_base: Pose2, scan: Scan, twist: Twist2) -> MapperUpdate:
+    def update(
+        self, odom_from_base: Pose2, scan: Scan, twist: Twist2, *, turn_std_rad: float = math.inf
+    ) -> MapperUpdate:
         """Process one scan; see `Mapper.update`."""
         loops_before, driven_before_m = self.loops_closed, self.submaps.driven_m
-        update = self._front_end.update(odom_from_base, scan, twist)
+        update = self._front_end.update(odom_from_base, scan, twist, turn_std_rad=turn_std_rad)
         if self._add_node(update, scan, twist):
             self._on_submap_finished()
         parts = round((self.submaps.driven_m - driven_before_m) / PART_EVERY_M)

@@ -53,7 +53,7 @@ def correlative_search(
                         d_m = distance_m[row, col]
                         if d_m < field.max_distance_m:
                             total += math.exp(-0.5 * (d_m / std_m) ** 2)
-                offset = (dx * dx + dy * dy) / (n_xy * n_xy) + k * k / (n_theta * n_theta)
+                offset = (dx * dx + dy * dy) / (n_xy * n_xy) + k * k / max(1, n_theta * n_theta)
                 candidate = total / points_m.shape[0] - 0.1 * offset
                 if candidate > best_score:
                     best_score = candidate

@@ -70,16 +70,23 @@ def degenerate_direction(heading_rad: float, hits_m: FloatArray) -> FloatArray:
 
 
 def odometry_information(
-    options: MatchOptions, moved: Pose2, degenerate: FloatArray, covariance: FloatArray = ZERO_COVARIANCE
+    options: MatchOptions,
+    moved: Pose2,
+    degenerate: FloatArray,
+    covariance: FloatArray = ZERO_COVARIANCE,
+    *,
+    turn_std_rad: float = math.inf,
 ) -> FloatArray:
     """Return the inverse covariance of the pose predicted by odometry, shape (3, 3).
 
     `covariance`, shape (3, 3), is that of the pose before it `moved`: what a corridor left undetermined, the
-    first walls across it may correct. Along `degenerate`, shape (2,), odometry alone decides.
+    first walls across it may correct. Along `degenerate`, shape (2,), odometry alone decides. The turn's
+    error is at most `turn_std_rad`.
     """
     distance_m, turn_rad = math.hypot(moved.x_m, moved.y_m), abs(moved.theta_rad)
     std_m = options.odometry_std_m + options.slip_per_m * distance_m
     std_rad = options.odometry_std_rad + options.slip_per_m * distance_m + options.slip_per_rad * turn_rad
+    std_rad = min(std_rad, turn_std_rad)
     return _prediction_information(covariance, std_m, std_rad, degenerate)
 
 

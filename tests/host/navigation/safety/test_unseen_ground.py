@@ -92,3 +92,34 @@ def test_ground_that_the_robot_stood_on_is_known_and_moves_with_the_map() -> Non
     assert nearest_m(ground.update(unknown_window(), ahead)) > 0.05
     ground.move(Pose2(y_m=0.5))
     assert nearest_m(ground.update(unknown_window(), ahead)) < 0.03
+
+
+def test_ground_where_several_scans_found_nothing_is_seen() -> None:
+    """On open ground no echo returns. After some way ahead the robot may turn."""
+    ground, base = UnseenGround(Footprint(), FieldOfView()), Pose2()
+    assert ground.move_ahead_m(ground.update(unknown_window(), base), base) > 0.0
+    for k in range(14):
+        base = Pose2(x_m=0.05 * k)
+        points_m = ground.update(unknown_window(), base)
+    assert len(points_m) == 0
+    ground.move(Pose2(x_m=1.5))  # what was seen moves with the map
+    assert len(ground.update(unknown_window(), base)) > 0
+
+
+def test_ground_behind_an_obstacle_stays_unseen() -> None:
+    """A box beside the way hides the ground behind it from every scan."""
+    ground = UnseenGround(Footprint(), FieldOfView())
+    front_m = np.column_stack((np.linspace(-0.3, 0.9, 121), np.full(121, -0.3)))
+    for k in range(14):
+        base = Pose2(x_m=0.05 * k)
+        points_m = ground.update(unknown_window(), base, front_m)
+    assert len(points_m) > 0
+    assert points_m[:, 1].max() < -0.3
+
+
+def test_one_look_at_ground_is_not_enough() -> None:
+    ground = UnseenGround(Footprint(), FieldOfView())
+    ground.update(unknown_window(), Pose2(theta_rad=math.pi))  # it sees the ground that is behind it next
+    turned = Pose2(x_m=0.01)
+    behind_m = ground.update(unknown_window(), turned)
+    assert np.hypot(*(behind_m - (-0.25, 0.0)).T).min() < 0.03

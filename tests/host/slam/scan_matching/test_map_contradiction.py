@@ -1,6 +1,7 @@
 """Scans of an area not mapped yet, and turns that odometry misreads."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -86,3 +87,40 @@ def test_misread_turn_is_corrected_with_long_beams() -> None:
         found = mapper.update(odometry, observe(yard, truth, 90.0, 181, 80.0), Twist2()).map_from_base
         assert found.distance_m(truth) < 0.12
         assert abs(wrap_angle(found.theta_rad - truth.theta_rad)) < math.radians(1.0)
+
+
+def far_wall() -> World:
+    """Return a wall of 2 m at the end of the lidar's range; nothing else returns."""
+    return World(segments_m=np.array([(5.4, -1.6, 5.6, 0.4)]), circles_m=NOTHING)
+
+
+def look(pose: Pose2, rng: np.random.Generator) -> Scan:
+    scan = observe(far_wall(), pose, 120.0, 667, 5.6)
+    return replace(scan, ranges_m=scan.ranges_m * (1.0 + 0.01 * rng.standard_normal(scan.ranges_m.size)))
+
+
+def approach(seed: int, turn_std_rad: float) -> list[tuple[float, float]]:
+    """Drive toward the wall with exact odometry; return how far the pose moves and turns from the truth."""
+    mapper, rng, errors = GridMapper(), np.random.default_rng(seed), []
+    for k in range(30):
+        pose = Pose2(x_m=0.05 * k)
+        found = mapper.update(pose, look(pose, rng), Twist2(), turn_std_rad=turn_std_rad).map_from_base
+        errors.append((found.distance_m(pose), abs(found.theta_rad)))
+    return errors
+
+
+def test_another_part_of_a_wall_does_not_move_the_pose() -> None:
+    """The first hits of what is not in the map yet must not be searched for in it."""
+    wall = observe(
+        World(segments_m=np.array([(5.0, -2.0, 5.0, 2.0)]), circles_m=NOTHING), Pose2(), 60, 481, 9
+    )
+    y_m = wall.ranges_m * np.sin(wall.angle_min_rad + wall.angle_increment_rad * np.arange(481))
+    mapper = GridMapper()
+    mapper.update(Pose2(), replace(wall, ranges_m=np.where(y_m > 1.0, wall.ranges_m, math.nan)), Twist2())
+    other = replace(wall, ranges_m=np.where(abs(y_m - 0.3) < 0.4, wall.ranges_m, math.nan))
+    assert mapper.update(Pose2(), other, Twist2()).map_from_base.distance_m(Pose2()) < 0.05
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_wall_at_the_end_of_the_range_does_not_turn_a_robot_with_a_gyroscope(seed: int) -> None:
+    assert max(turned_rad for _, turned_rad in approach(seed, 0.0005)) < 0.03
