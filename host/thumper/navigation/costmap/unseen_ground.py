@@ -85,7 +85,7 @@ class UnseenGround:
         return np.asarray(centres_m[~free & ~in_view])
 
     def _is_free(self, points_m: FloatArray, map_from_base: Pose2) -> NDArray[np.bool_]:
-        """Return which points, shape (n, 2), the robot has been on, or has found open several times, shape (n,)."""
+        """Return which points, shape (n, 2), the robot has been on or has found open several times."""
         free = self._outside_m(points_m, self._first or map_from_base) <= FIRST_EDGE_M
         free |= self._outside_m(points_m, map_from_base) <= 0.0
         looks = np.zeros(len(points_m), np.int64)
