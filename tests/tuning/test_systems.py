@@ -10,6 +10,7 @@ from benchmarks.shared.wheel_plant import Wheel, steps_and_prbs
 
 from tests.tuning.test_fit import make_log
 from thumper_tuning.design.gains import DesignOptions, design, nominal_model
+from thumper_tuning.identify import compare_models
 from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.motor import IdentifiedMotor, identify
 from thumper_tuning.identify.motor_response import DriveSignal, motor_parameters, simulate
@@ -101,14 +102,26 @@ def test_the_impulse_response_needs_no_record_without_gaps(motor: IdentifiedMoto
 
 def test_models_are_compared_by_validation_fit(motor: IdentifiedMotor) -> None:
     own, second, *era = motor.compare()
+    assert own.fit_percent is not None
+    assert second.fit_percent is not None
     assert second.kind == "second order"
     assert second.fit_percent > own.fit_percent - 0.5
     assert own.fit_percent == motor.validation.fit_percent
     assert [model.kind for model in era] == ["ERA, order 1", "ERA, order 2"]
     for model in era:
+        assert model.fit_percent is not None
         assert 90.0 < model.fit_percent < own.fit_percent
         assert control.dcgain(model.system) == pytest.approx(Wheel().gain, rel=0.02)
     assert era[0].time_constant_s == pytest.approx(Wheel().tau_s, rel=0.05)
+
+
+@pytest.mark.parametrize("pole", [1.2, 1.0 + 1e-3])
+def test_an_unstable_model_is_called_unstable(
+    motor: IdentifiedMotor, monkeypatch: pytest.MonkeyPatch, pole: float
+) -> None:
+    system = control.ss([[pole]], [[1.0]], [[1.0]], [[0.0]], 0.1)
+    monkeypatch.setattr(compare_models, "realize", lambda *_: system)
+    assert [model.fit_percent for model in motor.compare()[-2:]] == [None, None]
 
 
 def test_the_export_loads_into_python_control(motor: IdentifiedMotor, tmp_path: Path) -> None:

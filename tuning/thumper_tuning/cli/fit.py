@@ -89,7 +89,9 @@ def _result(
 def _variant_line(model: dict[str, Any]) -> str:
     tau_s = model["time_constant_s"]
     tau = f", time constant {tau_s:.4f} s" if tau_s is not None else ""
-    return f"  {model['kind']:22} predicts held-out speeds to {model['fit_percent']:.1f} %{tau}"
+    percent = model["fit_percent"]
+    fit = "is unstable" if percent is None else f"predicts held-out speeds to {percent:.1f} %"
+    return f"  {model['kind']:22} {fit}{tau}"
 
 
 def identify_files(

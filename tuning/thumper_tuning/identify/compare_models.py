@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import control
 
 ERA_ORDERS = (1, 2)
+DIVERGED_PERCENT = -100.0  # a fit this bad is that of a model that grows without bound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +33,7 @@ class ComparedModel:
     """A model as a discrete python-control system, and how well it predicts held-out speeds."""
 
     kind: str
-    fit_percent: float
+    fit_percent: float | None  # None: unstable, on all windows or on those that it was fitted to
     time_constant_s: float | None
     second_time_constant_s: float | None = None
     system: "control.LTI | None"  # from drive without friction to counted speed; None: not linear
@@ -88,10 +89,11 @@ def era_models(segments: list[LogSegment], fit: Fit) -> list[ComparedModel]:
         system = realize(markov, order, record.period_s)
         stable = bool(np.all(np.abs(system.poles()) < 1.0))
         held_out = validate(segments, fit, partial(residuals, order))
+        diverges = not stable or held_out.fit_percent < DIVERGED_PERCENT
         found.append(
             ComparedModel(
                 kind=f"ERA, order {order}",
-                fit_percent=held_out.fit_percent if stable else float("-inf"),
+                fit_percent=None if diverges else held_out.fit_percent,
                 time_constant_s=slow_time_constant_s(system),
                 system=system,
             )

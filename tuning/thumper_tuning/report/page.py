@@ -165,7 +165,7 @@ def _models_table(motor: IdentifiedMotor) -> str:
     rows = [
         [
             model.kind,
-            f"{model.fit_percent:.1f}",
+            "unstable" if model.fit_percent is None else f"{model.fit_percent:.1f}",
             " + ".join(
                 f"{1e3 * tau_s:.1f}"
                 for tau_s in (model.time_constant_s, model.second_time_constant_s)
