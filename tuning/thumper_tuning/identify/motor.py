@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thumper.common.errors import ThumperError
 from thumper_tuning.identify.compare_models import ComparedModel, compare_models
 from thumper_tuning.identify.cross_validation import Validation, cross_validate, fit_percent_of
 from thumper_tuning.identify.excitation_checks import (
@@ -38,6 +40,9 @@ from thumper_tuning.logs.units import log_error
 
 if TYPE_CHECKING:
     import control
+
+COASTING_PERCENT = 3.0  # more of the held-out speeds is predicted without the rows in which the motor coasts
+COASTING = "at 0 V the motor coasts, so the bridge opens there: these rows are left out"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -119,6 +124,8 @@ class IdentifiedMotor:
 def identify(logs: list[MotorLog]) -> IdentifiedMotor:
     """Identify one motor from one or several runs.
 
+    A log in volts does not say whether 0 V brakes the motor or opens the bridge: what predicts better counts.
+
     Raises
     ------
     UndeterminedError
@@ -126,6 +133,27 @@ def identify(logs: list[MotorLog]) -> IdentifiedMotor:
     ThumperError
         The logs determine nothing; the message says why and what to record.
     """
+    if logs[0].drive_unit is DriveUnit.PWM:
+        return _identify(logs)
+    least_percent, found, refusal = 0.0, None, None
+    try:
+        found = _identify(logs)
+        least_percent = found.validation.fit_percent + COASTING_PERCENT
+    except ThumperError as error:
+        refusal = error
+    if least_percent < 100.0:
+        with suppress(ThumperError):
+            coasting = _identify([replace(log, opens_at_zero=True) for log in logs])
+            if coasting.validation.fit_percent > least_percent:
+                return replace(coasting, warnings=(*coasting.warnings, COASTING))
+    if refusal is not None:
+        raise refusal
+    assert found is not None
+    return found
+
+
+def _identify(logs: list[MotorLog]) -> IdentifiedMotor:
+    """Identify one motor, with what its logs say about 0 V."""
     name = logs[0].name
     segments, reversed_sign = signed_segments(logs)
     check_excitation(logs, segments)

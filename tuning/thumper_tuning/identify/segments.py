@@ -101,9 +101,9 @@ def _without_coasting(log: MotorLog, rows: slice) -> list[slice]:
     """Drop what follows PWM 0 until the motor stops.
 
     Many bridges open at PWM 0. The motor then coasts on friction alone, and the log shows nothing of the
-    driven motor. A drive in volts is taken as applied at 0, too.
+    driven motor. A drive of 0 V is taken as applied, unless the log says that it opens the bridge.
     """
-    if log.drive_unit is not DriveUnit.PWM:
+    if log.drive_unit is not DriveUnit.PWM and not log.opens_at_zero:
         return [rows]
     off = log.drive[rows] == 0.0
     moves = _moves(log, rows)

@@ -7,6 +7,7 @@ from thumper_tuning.logs.motor_log import BoolArray
 
 STILL_ROWS = 3  # without drive and motion before a start
 NOISE_ROWS = 6  # without drive, if noise hides that the wheel is still
+ROUNDING = 1e-9  # of the largest speed
 MOTION_SIGMAS = 4.0  # of the noise
 MEDIAN_STD = (0.5 * np.pi) ** 0.5  # of the median of many normal values, in standard deviations of their mean
 WARNING = (
@@ -20,6 +21,8 @@ def acts_before_its_row(drive: FloatArray, motion: FloatArray, starts_segment: B
     A loop that writes the PWM, waits, measures and then logs makes such rows. `motion[k]` is the speed or the
     counts of the interval that ends at row k.
     """
+    largest = float(np.nanmax(np.abs(motion), initial=0.0))
+    motion = np.where(np.abs(motion) < ROUNDING * largest, 0.0, motion)  # of speeds computed from counts
     first, variance = [], []
     segment = np.cumsum(starts_segment)
     begins = np.flatnonzero((drive[1:] != 0.0) & (drive[:-1] == 0.0)) + 1

@@ -37,6 +37,7 @@ class MotorLog:
     quantum_rad: float = 0.0  # position per encoder count; 0: unknown
     current_A: FloatArray | None = None
     supply_V: float | None = None  # mean battery voltage that a drive in PWM refers to
+    opens_at_zero: bool = False  # a drive of 0 V is an open bridge; at PWM 0 it always counts as one
     has_setpoint: bool = False  # recorded in closed loop
     columns: tuple[str, ...] = ()  # what was understood, one line per used column
     warnings: tuple[str, ...] = ()
