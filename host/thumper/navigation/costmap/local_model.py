@@ -13,7 +13,7 @@ from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_wi
 from thumper.navigation.costmap.filters import Masks
 from thumper.navigation.costmap.layers import CostmapLayers
 from thumper.navigation.costmap.obstacle_memory import ObstacleMemory, ObstacleMemoryOptions
-from thumper.navigation.costmap.scan_averaging import averaged_hits
+from thumper.navigation.costmap.scan_averaging import averaged_hits, confirmed_hits
 from thumper.navigation.costmap.unseen_ground import UnseenGround
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.state import CycleInput
@@ -82,7 +82,8 @@ class LocalModel:
         hits_m = cycle.hits_in_map_m[np.isfinite(cycle.hits_in_map_m).all(axis=1)]
         self.hits_m = averaged_hits(scan_pose, hits_m, self._view)
         near_m = self._control_memory.update(time_s, base, self.hits_m, scan_pose)
-        far_m = self._planning_memory.update(time_s, base, self.hits_m, scan_pose)
+        confirmed_m = self.hits_m[confirmed_hits(self.hits_m)]
+        far_m = self._planning_memory.update(time_s, base, self.hits_m, scan_pose, new_m=confirmed_m)
         seen_m = np.vstack((self.hits_m, near_m))
 
         window = window_of(cycle.grid, base, self._options)
@@ -97,7 +98,7 @@ class LocalModel:
             position_error_m=np.concatenate((np.zeros(len(self.hits_m)), error_m, np.zeros(len(unseen_m)))),
             seen=len(seen_m),
         )
-        self.costmap = self._layers.update(cycle.grid, np.vstack((self.hits_m, far_m)))
+        self.costmap = self._layers.update(cycle.grid, np.vstack((confirmed_m, far_m)))
         return self.costmap
 
     def static_band(self, grid: OccupancyGrid, begin: int, end: int) -> Costmap:

@@ -88,11 +88,18 @@ class ObstacleMemory:
         self._anchor = new_from_old @ self._anchor
 
     def update(
-        self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray, scan_pose: Pose2 | None = None
+        self,
+        time_s: float,
+        map_from_base: Pose2,
+        hits_in_map_m: FloatArray,
+        scan_pose: Pose2 | None = None,
+        *,
+        new_m: FloatArray | None = None,
     ) -> FloatArray:
         """Add a scan's hits, shape (n, 2) [m]; return the remembered points in `map`, shape (m, 2) [m].
 
-        `scan_pose` is the robot's pose at the time of the scan; None: `map_from_base`. Sets
+        `scan_pose` is the robot's pose at the time of the scan; None: `map_from_base`. Of
+        the hits only `new_m`, shape (k, 2), are remembered; None: all. Sets
         `position_error_m`, shape (m,): how far each point may be off by now.
         """
         self._count_distance(map_from_base)
@@ -103,7 +110,8 @@ class ObstacleMemory:
         self._keep(_within(self._points_m, map_from_base, self._radius_m))
         remembered_m = self._points_m
         self.position_error_m = np.minimum(MAX_ERROR_M, ERROR_FRACTION * (self._driven_m - self._seen_at_m))
-        near = hits_in_map_m[_within(hits_in_map_m, map_from_base, self._radius_m)]
+        new_m = hits_in_map_m if new_m is None else new_m
+        near = new_m[_within(new_m, map_from_base, self._radius_m)]
         all_m = np.vstack((near, remembered_m))
         all_s = np.concatenate((np.full(len(near), time_s), self._times_s))
         all_seen_at_m = np.concatenate((np.full(len(near), self._driven_m), self._seen_at_m))

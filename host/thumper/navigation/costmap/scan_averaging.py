@@ -5,6 +5,7 @@ in front of it. In a gap with a few centimetres to spare, that closes the gap.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.numba_kernel import kernel
@@ -14,6 +15,9 @@ HALF_WIDTH_M = 0.012  # along the surface, to each side; short, so that a thin p
 MAX_BEAMS = 8  # to each side
 # A pair whose mean differs by more hits something else; four standard deviations of the noise.
 SAME_SURFACE_M = 0.04
+CONFIRMED_M = 0.08
+
+BoolArray = NDArray[np.bool_]
 
 
 @kernel
@@ -41,6 +45,19 @@ def average_ranges(bearings_rad: FloatArray, ranges_m: FloatArray) -> FloatArray
             taken += 2
         smooth[i] = total_m / taken
     return smooth
+
+
+def confirmed_hits(hits_m: FloatArray) -> BoolArray:
+    """Return which hits, shape (n, 2) [m] in beam order, have one of the next beams' beside them, shape (n,).
+
+    A beam that meets an edge measures a point in the air behind it, at another range in every scan. Points
+    that stay alone are such mixed pixels, or objects so thin or so far that the map shows them better.
+    """
+    beside: BoolArray = np.hypot(*np.diff(hits_m, axis=0).T) < CONFIRMED_M
+    confirmed = np.zeros(len(hits_m), np.bool_)
+    confirmed[1:] |= beside
+    confirmed[:-1] |= beside
+    return confirmed
 
 
 def averaged_hits(map_from_base: Pose2, hits_in_map_m: FloatArray, view: FieldOfView) -> FloatArray:
