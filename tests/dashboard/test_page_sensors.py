@@ -23,7 +23,7 @@ def test_a_robot_without_sensors_shows_none(page: Page) -> None:
 
 def test_sensors_are_shown_until_the_robot_restarts_without_them(page: Page, robot: FakeRobot) -> None:
     robot.has_sensors = True
-    expect(page.locator(".tp-header [data-field=gps_fix]")).to_have_text("RTK 0.02 m")
+    expect(page.locator(".tp-header [data-field=gps_fix]")).to_have_text("RTK fix 0.02 m")
     frame = page.locator(".tp-camera img")
     expect(frame).to_be_visible()
     page.wait_for_function("document.querySelector('.tp-camera img').naturalWidth === 64")

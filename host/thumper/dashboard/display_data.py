@@ -122,9 +122,9 @@ def gps(message: Message) -> dict[str, Any]:
     """Return kind of fix, accuracy [m], latitude, longitude [degrees] and altitude [m] of a NavSatFix."""
     fix = fix_of(message)
     if fix.status is FixStatus.NONE:
-        return {"fix": "no fix"}
+        return {"fix": fix.status.text}
     return {
-        "fix": fix.status.name,
+        "fix": fix.status.text,
         "std_m": _rounded(fix.std_m),
         "latitude_deg": round(fix.latitude_deg, 8),
         "longitude_deg": round(fix.longitude_deg, 8),

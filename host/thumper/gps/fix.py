@@ -6,14 +6,22 @@ from enum import IntEnum
 
 from thumper.common.stamps import rounded_s
 
+RTK_FIXED_STD_M = 0.1  # a better position by RTK has resolved ambiguities, a worse one is RTK float
+
 
 class FixStatus(IntEnum):
-    """The status of sensor_msgs/NavSatStatus."""
+    """The status of sensor_msgs/NavSatStatus, which has one status for both kinds of RTK."""
 
     NONE = -1
     GPS = 0
     SBAS = 1  # corrected by a satellite or a differential service
-    RTK = 2  # corrected by a base station on the ground
+    RTK = 2  # corrected by a base station on the ground, to centimetres
+    RTK_FLOAT = 3  # the same with unresolved ambiguities, to decimetres
+
+    @property
+    def text(self) -> str:
+        """Name for people."""
+        return {FixStatus.NONE: "no fix", FixStatus.RTK_FLOAT: "RTK float"}.get(self, f"{self.name} fix")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +43,8 @@ class Fix:
     @property
     def text(self) -> str:
         """Kind and accuracy for people."""
-        return "no fix" if self.status is FixStatus.NONE else f"{self.status.name} fix, {self.std_m:.2f} m"
+        accuracy = "" if self.status is FixStatus.NONE else f", {self.std_m:.2f} m"
+        return self.status.text + accuracy
 
     def as_recorded(self) -> "Fix":
         """Return the fix as a recording stores it: whole nanoseconds."""

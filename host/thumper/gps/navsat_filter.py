@@ -13,14 +13,13 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.gps.alignment import Alignment
-from thumper.gps.fix import Fix, FixStatus
+from thumper.gps.fix import RTK_FIXED_STD_M, Fix, FixStatus
 from thumper.gps.local_plane import MAX_DISTANCE_M, EastNorth, LatLon, LocalPlane
 
 START_STD_RAD = 0.2
 # Positions closer in time share most of their error, so together they weigh as one: minutes for reflections
 # and the atmosphere, which RTK removes.
 CORRELATION_S, RTK_CORRELATION_S = 60.0, 1.0
-RTK_STD_M = 0.1  # a better position is one of RTK with resolved ambiguities
 GATE = 13.8  # chi-square with 2 degrees of freedom: 0.1 % of the true positions are above
 LOST_S = 20.0  # after rejecting everything for so long, the filter is wrong and not the GPS
 NOISE_PER_M = 0.02**2  # of the odometry, variance per metre along and across [m^2/m]
@@ -127,7 +126,7 @@ class NavsatFilter:
                 self._state, self._alignment = None, Alignment()
             return False
         self._rejected_since_s = math.inf
-        correlation_s = RTK_CORRELATION_S if variance_m2 < RTK_STD_M**2 else CORRELATION_S
+        correlation_s = RTK_CORRELATION_S if variance_m2 < RTK_FIXED_STD_M**2 else CORRELATION_S
         share = min(1.0, max(time_s - self._used_s, 0.0) / correlation_s)
         self._used_s = time_s
         if share > 0.0:

@@ -30,7 +30,7 @@ KINDS = {
     2: (FixStatus.SBAS, 1.0),
     3: (FixStatus.GPS, 2.0),
     4: (FixStatus.RTK, 0.02),
-    5: (FixStatus.RTK, 0.5),
+    5: (FixStatus.RTK_FLOAT, 0.5),
 }
 VERTICAL = 2.0  # times the horizontal standard deviation
 MAX_NUMBER = 1e6  # of metres, or dilutions of precision

@@ -18,6 +18,7 @@ NAV_PVT, NAV_COV = b"\x01\x07", b"\x01\x36"
 MAX_VARIANCE_M2 = 1e12
 PVT = struct.Struct("<I16xBB2xiii4xII")  # up to the vertical accuracy
 COV = struct.Struct("<IxB10xf8xf4xf")
+RTK_OF_CARRIER = {1: FixStatus.RTK_FLOAT, 2: FixStatus.RTK}  # carrSoln
 GNSS_FIXES = (2, 3, 4)  # in the plane, in space, with dead reckoning; not 1, dead reckoning alone, or 5, time
 
 
@@ -84,8 +85,8 @@ def fix_of_pvt(payload: bytes, time_s: float) -> Fix | None:
     place = LatLon(1e-7 * lat, 1e-7 * lon)
     if not place.is_valid or horizontal_mm == 0:
         return None
-    carrier, is_differential = flags >> 6, flags & 2
-    status = FixStatus.RTK if carrier else FixStatus.SBAS if is_differential else FixStatus.GPS
+    is_differential = flags & 2
+    status = RTK_OF_CARRIER.get(flags >> 6, FixStatus.SBAS if is_differential else FixStatus.GPS)
     horizontal_m2 = (1e-3 * horizontal_mm) ** 2 / 2.0
     return Fix(
         time_s=time_s,

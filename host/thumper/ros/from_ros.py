@@ -4,7 +4,7 @@ Each function raises ValueError if the message holds values that the type cannot
 """
 
 import math
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from thumper.board.messages import Fault, GyroscopeState, State, Telemetry
 from thumper.camera.frame import CameraFrame
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.stamps import NS_PER_S, host_time_s
-from thumper.gps.fix import Fix, FixStatus
+from thumper.gps.fix import RTK_FIXED_STD_M, Fix, FixStatus
 from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
 from thumper.maps.cell_changes import CellBox
@@ -93,9 +93,12 @@ def imu_of(msg: Message, epoch_ns: int = 0) -> ImuSample:
 
 
 def fix_of(msg: Message, epoch_ns: int = 0) -> Fix:
-    """Convert a NavSatFix; a status that is not of NavSatStatus raises ValueError."""
+    """Convert a NavSatFix; an unknown status raises ValueError.
+
+    Its status is the same for RTK float and RTK fixed, so the accuracy decides.
+    """
     covariance = msg.position_covariance
-    return Fix(
+    fix = Fix(
         time_s=host_time_s(stamp_ns_of(msg), epoch_ns),
         status=FixStatus(msg.status.status),
         latitude_deg=float(msg.latitude),
@@ -103,6 +106,8 @@ def fix_of(msg: Message, epoch_ns: int = 0) -> Fix:
         altitude_m=float(msg.altitude),
         variances_m2=(float(covariance[0]), float(covariance[4]), float(covariance[8])),
     )
+    is_float = fix.status is FixStatus.RTK and fix.std_m >= RTK_FIXED_STD_M
+    return replace(fix, status=FixStatus.RTK_FLOAT) if is_float else fix
 
 
 def frame_of(msg: Message, epoch_ns: int = 0) -> CameraFrame:

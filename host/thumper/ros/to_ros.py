@@ -89,7 +89,9 @@ class Messages:
         return message(
             "sensor_msgs/msg/NavSatFix",
             header=self.header(fix.time_s, GPS),
-            status=message("sensor_msgs/msg/NavSatStatus", status=int(fix.status), service=GPS_SERVICE),
+            status=message(
+                "sensor_msgs/msg/NavSatStatus", status=min(fix.status, FixStatus.RTK), service=GPS_SERVICE
+            ),
             latitude=fix.latitude_deg,
             longitude=fix.longitude_deg,
             altitude=fix.altitude_m,

@@ -85,9 +85,9 @@ def _transforms(msg: Message) -> str:
 def _fix(msg: Message) -> str:
     fix = from_ros.fix_of(msg)
     if fix.status is FixStatus.NONE:
-        return "no fix"
+        return fix.status.text
     place = f"{fix.latitude_deg:.7f}, {fix.longitude_deg:.7f} deg"
-    return f"{place}; {fix.status.name} fix, sigma {fix.std_m:.2f} m"
+    return f"{place}; {fix.status.text}, sigma {fix.std_m:.2f} m"
 
 
 def _markers(msg: Message) -> str:

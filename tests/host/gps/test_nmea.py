@@ -20,6 +20,11 @@ RECORDED = (  # a ZED-F9P, a UM981 and a receiver that has just started (the tes
     b"$GNGLL,5327.03598945,N,-0214.41467156,W,130058.00,A,A*7E\r\n"
     b"\xb5b\x01\x07$\x00\n$GNGGA,,,,,,0,00,99.99,,,,,,*56\r\n"
 )
+POSITION = "4717.11399,N,00833.91590,E"
+
+
+def sentence(text: str) -> bytes:
+    return f"${text}*{calc_checksum(text)}\r\n".encode("latin-1")
 
 
 def test_the_examples_of_the_interface_description() -> None:
@@ -42,6 +47,23 @@ def test_sentences_of_real_receivers() -> None:
     assert fix_of_gga(messages[2], 0.0).std_m == pytest.approx(2.0 * 7.5)  # by its dilution of precision
     assert fix_of_gga(messages[3], 0.0).status is FixStatus.NONE
     assert decoder.bad == 1  # the binary message between
+
+
+@pytest.mark.parametrize(
+    ("quality", "text"),
+    [
+        (0, "no fix"),
+        (1, "GPS fix, 2.00 m"),
+        (2, "SBAS fix, 1.00 m"),
+        (4, "RTK fix, 0.02 m"),
+        (5, "RTK float, 0.50 m"),
+        (6, "no fix"),
+    ],
+)
+def test_each_quality_has_its_name(quality: int, text: str) -> None:
+    gga = sentence(f"GPGGA,092725.00,{POSITION},{quality},08,1.0,499.6,M,48.0,M,,")
+    (message,) = SentenceDecoder().feed(gga)
+    assert fix_of_gga(message, 0.0).text == text
 
 
 @given(st.lists(st.integers(1, 60), min_size=1, max_size=20))
@@ -69,13 +91,6 @@ def test_it_reads_on_after_arbitrary_bytes(noise: bytes) -> None:
     list(decoder.feed(noise))
     list(decoder.feed(GGA))  # its start may complete a false sentence
     assert len(list(decoder.feed(GGA))) == 1
-
-
-POSITION = "4717.11399,N,00833.91590,E"
-
-
-def sentence(text: str) -> bytes:
-    return f"${text}*{calc_checksum(text)}\r\n".encode("latin-1")
 
 
 @pytest.mark.parametrize(

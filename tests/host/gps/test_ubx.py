@@ -43,6 +43,21 @@ def test_a_real_fix_agrees_with_the_nmea_of_the_same_receiver() -> None:
     assert refined.variances_m2 == pytest.approx((535.996, 2530.312, 1249.534), abs=1e-3)  # east, north, up
 
 
+@pytest.mark.parametrize(
+    ("flags", "status"),
+    [
+        (0b00_0000_01, FixStatus.GPS),
+        (0b00_0000_11, FixStatus.SBAS),
+        (0b01_0000_11, FixStatus.RTK_FLOAT),
+        (0b10_0000_11, FixStatus.RTK),
+    ],
+)
+def test_the_carrier_solution_decides_between_float_and_fixed(flags: int, status: FixStatus) -> None:
+    fix = fix_of_pvt(PVT[:21] + bytes([flags]) + PVT[22:], 0.0)
+    assert fix is not None
+    assert fix.status is status
+
+
 @given(st.lists(st.integers(1, 90), min_size=1, max_size=20))
 def test_frames_in_pieces_are_the_same_frames(sizes: list[int]) -> None:
     splitter, data, kinds, rest = UbxSplitter(), 3 * MIXED, [], b""

@@ -9,6 +9,7 @@ from benchmarks.shared.recorded_run import MESSAGES as DATED
 from benchmarks.shared.recorded_run import telemetry
 
 from thumper.common.geometry import Pose2, Twist2
+from thumper.gps.fix import Fix, FixStatus
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.odometry.wheel_odometry import OdometrySample
@@ -35,6 +36,18 @@ SCAN = Scan(
     range_min_m=0.02,
     range_max_m=5.6,
 )
+
+
+def fix(status: FixStatus, std_m: float) -> Fix:
+    return Fix(
+        time_s=1.0,
+        status=status,
+        latitude_deg=48.2625018,
+        longitude_deg=11.6681078,
+        variances_m2=(std_m**2, 0.25 * std_m**2, std_m**2),
+    )
+
+
 CELLS = np.array([[-1, 0, 100], [-1, 0, 0]], dtype=np.int8)
 GRID = OccupancyGrid(cells=CELLS, resolution_m=0.05, origin_x_m=-1.0, origin_y_m=0.5)
 STATUS = Status(
@@ -62,6 +75,15 @@ SAMPLES: list[tuple[Any, str]] = [
     (
         SIMULATED.transforms(1.0, Pose2(), HERE),
         f"1.00 s: map -> odom x 0.000 m, y 0.000 m, heading 0.0 deg; odom -> base_link {PLACE}",
+    ),
+    (SIMULATED.fix(fix(FixStatus.NONE, math.nan)), "1.00 s: no fix"),
+    (
+        SIMULATED.fix(fix(FixStatus.RTK, 0.02)),
+        "1.00 s: 48.2625018, 11.6681078 deg; RTK fix, sigma 0.02 m",
+    ),
+    (
+        SIMULATED.fix(fix(FixStatus.RTK_FLOAT, 0.32)),
+        "1.00 s: 48.2625018, 11.6681078 deg; RTK float, sigma 0.32 m",
     ),
     (SIMULATED.scan(SCAN), "3.50 s: 2 of 5 beams hit, nearest at 0.750 m, 0 deg"),
     (SIMULATED.grid(2.0, GRID), "2.00 s: 3 x 2 cells of 0.05 m from x -1.00 m, y 0.50 m; 67% known"),

@@ -39,7 +39,7 @@ const formatSeconds = (seconds) => (isMissing(seconds) ? NO_VALUE : `${seconds.t
 const formatDegrees = (radians, unit, digits = 1) => (
   isMissing(radians) ? NO_VALUE : `${fixed((radians * 180) / Math.PI, digits)}${unit}`);
 
-// RTK 0.02 m
+// RTK fix 0.02 m
 function gpsText(gps, age_s) {
   if (!gps || age_s > SENSOR_SILENT_S) return "no data";
   return isMissing(gps.std_m) ? gps.fix : `${gps.fix} ${gps.std_m.toFixed(2)} m`;
