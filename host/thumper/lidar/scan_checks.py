@@ -29,7 +29,7 @@ class ScanDefect(StrEnum):
     WAITED = "dropped after waiting too long for odometry; is the board silent, or its clock wrong?"
     STAMP = "without a usable stamp; check the driver"
     BEAMS = "without beams or beam directions; check the driver"
-    EMPTY = "with too few usable beams; is the lidar covered or its range limit wrong?"
+    EMPTY = "with too few usable beams: open ground, a covered lidar, or a range limit that is too low"
     ZEROS = "with zeros for ranges: read as invalid, not as free space"
 
 
