@@ -24,6 +24,7 @@ from thumper.ros.from_ros import (
     frame_of,
     grid_of,
     pose_of,
+    roll_pitch_yaw_of,
     scan_of,
     stamp_ns_of,
     status_of,
@@ -109,9 +110,8 @@ def imu(message: Message) -> dict[str, Any]:
     """
     values: dict[str, Any] = {"yaw_rate_rad_s": _rounded(message.angular_velocity.z)}
     if message.orientation_covariance[0] >= 0.0:
-        q = message.orientation
-        values["roll_rad"] = _rounded(math.atan2(2 * (q.w * q.x + q.y * q.z), 1 - 2 * (q.x**2 + q.y**2)))
-        values["pitch_rad"] = _rounded(math.asin(max(-1.0, min(1.0, 2 * (q.w * q.y - q.z * q.x)))))
+        roll_rad, pitch_rad, _ = roll_pitch_yaw_of(message.orientation)
+        values |= {"roll_rad": _rounded(roll_rad), "pitch_rad": _rounded(pitch_rad)}
     if message.linear_acceleration_covariance[0] >= 0.0:
         a = message.linear_acceleration
         values["acceleration_m_s2"] = [_rounded(a.x), _rounded(a.y), _rounded(a.z)]

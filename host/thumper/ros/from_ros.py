@@ -137,6 +137,14 @@ def _planar(position: Message, q: Message) -> Pose2:
     return Pose2(x_m=position.x, y_m=position.y, theta_rad=yaw_rad)
 
 
+def roll_pitch_yaw_of(q: Message) -> tuple[float, float, float]:
+    """Convert a geometry_msgs/Quaternion to the angles of turns about z, then y, then x [rad]."""
+    roll_rad = math.atan2(2.0 * (q.w * q.x + q.y * q.z), 1.0 - 2.0 * (q.x**2 + q.y**2))
+    pitch_rad = math.asin(max(-1.0, min(1.0, 2.0 * (q.w * q.y - q.z * q.x))))
+    yaw_rad = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+    return roll_rad, pitch_rad, yaw_rad
+
+
 def twist_of(msg: Message) -> Twist2:
     """Convert a geometry_msgs/Twist to forward and turning speed; refuse values that are not finite."""
     if not (math.isfinite(msg.linear.x) and math.isfinite(msg.angular.z)):

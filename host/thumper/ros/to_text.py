@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from thumper.board.messages import Telemetry
+from thumper.camera.frame import jpeg_shape
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.gps.fix import FixStatus
 from thumper.ros import from_ros
 from thumper.ros.codec import Message
 from thumper.ros.to_json import to_json
+from thumper.ros.to_ros import UNKNOWN
 
 EARLIEST_DATE_S = 1e8  # later stamps are date and time, earlier ones simulated time
 
@@ -66,6 +68,10 @@ def _pose_with_covariance(msg: Message) -> str:
 
 
 def _odometry(msg: Message) -> str:
+    """Format an Odometry; one of a GPS has neither heading nor speeds."""
+    if msg.pose.covariance[35] >= UNKNOWN:
+        at, std_m = msg.pose.pose.position, math.sqrt(msg.pose.covariance[0])
+        return f"x {at.x:.3f} m, y {at.y:.3f} m; sigma {std_m:.3f} m"
     return f"{_pose_with_covariance(msg)}; {_speeds(msg.twist.twist)}"
 
 
@@ -80,6 +86,28 @@ def _transforms(msg: Message) -> str:
         f"{_pose_text(from_ros.transform_of(stamped.transform))}"
         for stamped in msg.transforms
     )
+
+
+def _imu(msg: Message) -> str:
+    """Format an Imu; as in ROS, a covariance that begins with -1 marks what is not measured."""
+    parts = [f"turn {msg.angular_velocity.z:.3f} rad/s"]
+    if msg.orientation_covariance[0] >= 0.0:
+        roll_deg, pitch_deg, yaw_deg = map(math.degrees, from_ros.roll_pitch_yaw_of(msg.orientation))
+        parts.append(f"roll {roll_deg:.1f} deg, pitch {pitch_deg:.1f} deg, yaw {yaw_deg:.1f} deg")
+    if msg.linear_acceleration_covariance[0] >= 0.0:
+        a = msg.linear_acceleration
+        parts.append(f"acceleration {a.x:.2f}, {a.y:.2f}, {a.z:.2f} m/s^2")
+    return "; ".join(parts)
+
+
+def _image(msg: Message) -> str:
+    """Format a CompressedImage by its size, never by its bytes."""
+    text = f"{msg.format}, {1e-3 * msg.data.size:.1f} kB"
+    try:
+        height, width = jpeg_shape(from_ros.frame_of(msg).jpeg)
+    except ValueError as error:
+        return f"{text}; {error}"
+    return f"{width} x {height} pixels, {text}"
 
 
 def _fix(msg: Message) -> str:
@@ -183,6 +211,8 @@ _FORMATTERS: Mapping[str, Callable[[Message], str]] = {
     "nav_msgs/msg/Path": _path,
     "rcl_interfaces/msg/Log": lambda msg: f"{msg.name}: {msg.msg}",
     "sensor_msgs/msg/BatteryState": _battery,
+    "sensor_msgs/msg/CompressedImage": _image,
+    "sensor_msgs/msg/Imu": _imu,
     "sensor_msgs/msg/LaserScan": _scan,
     "sensor_msgs/msg/NavSatFix": _fix,
     "std_msgs/msg/Bool": lambda msg: str(msg.data).lower(),

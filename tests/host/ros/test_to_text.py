@@ -3,13 +3,16 @@
 import math
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from benchmarks.shared.recorded_run import MESSAGES as DATED
 from benchmarks.shared.recorded_run import telemetry
 
+from thumper.camera.frame import CameraFrame
 from thumper.common.geometry import Pose2, Twist2
 from thumper.gps.fix import Fix, FixStatus
+from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.odometry.wheel_odometry import OdometrySample
@@ -48,6 +51,15 @@ def fix(status: FixStatus, std_m: float) -> Fix:
     )
 
 
+INERTIAL = ImuSample(
+    time_s=2.0,
+    yaw_rate_rad_s=0.25,
+    roll_rad=math.radians(1.0),
+    pitch_rad=math.radians(-2.0),
+    yaw_rad=math.radians(90.0),
+    acceleration_m_s2=(-0.04, 0.2, 9.8),
+)
+JPEG = cv2.imencode(".jpg", np.zeros((48, 64), np.uint8))[1].tobytes()
 CELLS = np.array([[-1, 0, 100], [-1, 0, 0]], dtype=np.int8)
 GRID = OccupancyGrid(cells=CELLS, resolution_m=0.05, origin_x_m=-1.0, origin_y_m=0.5)
 STATUS = Status(
@@ -84,6 +96,24 @@ SAMPLES: list[tuple[Any, str]] = [
     (
         SIMULATED.fix(fix(FixStatus.RTK_FLOAT, 0.32)),
         "1.00 s: 48.2625018, 11.6681078 deg; RTK float, sigma 0.32 m",
+    ),
+    (
+        SIMULATED.fix_in_map(fix(FixStatus.RTK, 0.02), 1.25, -0.5),
+        "1.00 s: x 1.250 m, y -0.500 m; sigma 0.020 m",
+    ),
+    (SIMULATED.imu(ImuSample(time_s=2.0, yaw_rate_rad_s=-0.25)), "2.00 s: turn -0.250 rad/s"),
+    (
+        SIMULATED.imu(INERTIAL),
+        "2.00 s: turn 0.250 rad/s; roll 1.0 deg, pitch -2.0 deg, yaw 90.0 deg; "
+        "acceleration -0.04, 0.20, 9.80 m/s^2",
+    ),
+    (
+        SIMULATED.image(CameraFrame(time_s=2.0, jpeg=JPEG)),
+        f"2.00 s: 64 x 48 pixels, jpeg, {1e-3 * len(JPEG):.1f} kB",
+    ),
+    (
+        SIMULATED.image(CameraFrame(time_s=2.0, jpeg=3000 * b"x")),
+        "2.00 s: jpeg, 3.0 kB; the frame is not a JPEG image",
     ),
     (SIMULATED.scan(SCAN), "3.50 s: 2 of 5 beams hit, nearest at 0.750 m, 0 deg"),
     (SIMULATED.grid(2.0, GRID), "2.00 s: 3 x 2 cells of 0.05 m from x -1.00 m, y 0.50 m; 67% known"),
