@@ -31,8 +31,8 @@ def check_gyroscope(state: GyroscopeState) -> None:
     """Raise ThumperError if the board has no gyroscope in use, or none answers (exit code 3)."""
     if state is GyroscopeState.OFF:
         raise ThumperError(
-            "the board does not use its gyroscope: on the page, under Gains, set gyroscope to 1 (z axis up) "
-            "or 2 (down) and save it, or set [imu] enabled = false",
+            "the board does not use its gyroscope: start with [imu] enabled = false, set gyroscope to 1 "
+            "(z axis up) or 2 (down) on the page under Gains, save it, and enable [imu] again",
             exit_code=EXIT_NOT_THERE,
         )
     if state is GyroscopeState.MISSING:

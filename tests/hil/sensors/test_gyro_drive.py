@@ -97,7 +97,9 @@ def test_unplugged_in_a_drive_the_wheels_go_on_and_it_is_said(tmp_path: Path) ->
 
 def test_a_board_without_a_gyroscope_is_refused() -> None:
     with (
-        pytest.raises(ThumperError, match="does not use its gyroscope: on the page, under Gains") as refusal,
+        pytest.raises(
+            ThumperError, match=r"does not use its gyroscope: start with \[imu\] enabled = false"
+        ) as refusal,
         open_robot(config("gyro-off", "mpu6050"), START),
     ):
         pass
