@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from thumper.bus.serve_robot import on_bus, on_bus_if_free
+from thumper.cli.options.bus import report_to_stderr
 from thumper.cli.options.record import recorded
 from thumper.cli.output.compile_progress import compile_progress
 from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
@@ -16,7 +17,7 @@ from thumper.cli.output.folder import prepare_output
 from thumper.cli.resume import AUTOSAVE, autosaved, load_interrupted, set_aside_interrupted
 from thumper.cli.start_map import load_start_map
 from thumper.common.geometry import Pose2
-from thumper.config.robot import RobotConfig, load_config, with_ports
+from thumper.config.robot import RobotConfig, load_config, unused_ports, with_ports
 from thumper.dashboard.process import dashboard_process
 from thumper.maps.annotations import annotations_path, load_annotations
 from thumper.maps.map_server_io import load_datum
@@ -62,7 +63,10 @@ class RunOptions:
         """
         if self.start is not None:
             check_place("--start", *self.start[:2])
-        settings = with_ports(load_config(self.config), board=self.board, lidar=self.lidar)
+        configured = load_config(self.config)
+        settings = with_ports(configured, board=self.board, lidar=self.lidar)
+        if self.board.startswith("sim:") and (unused := unused_ports(configured, settings)):
+            report_to_stderr(f"the simulated board brings its own sensors; not used: {', '.join(unused)}")
         if self.bus:
             settings = replace(settings, bus=settings.bus.at(self.bus))
         prepare_output(self.out)

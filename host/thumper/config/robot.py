@@ -226,6 +226,19 @@ def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
     )
 
 
+def unused_ports(configured: RobotConfig, used: RobotConfig) -> list[str]:
+    """Return the enabled sensors' own ports, such as `[gps] port /dev/ttyUSB2`, that `with_ports` replaced.
+
+    A port that is still the default is no choice, and not named.
+    """
+    default, names = RobotConfig(), []
+    for table in ("lidar", "imu", "gps", "camera"):
+        mine, new, usual = (getattr(config, table) for config in (configured, used, default))
+        if getattr(mine, "enabled", True) and mine.port not in {new.port, usual.port}:
+            names.append(f"[{table}] port {mine.port}")
+    return names
+
+
 def _beside(board: str, port: str, name: str) -> str:
     """Return the port of the same simulated robot; a real robot's sensor stays on its own."""
     url = urlsplit(board)
