@@ -10,7 +10,10 @@ import pytest
 
 from tests.e2e.service import FAR, NEAR, START, Service
 from thumper.board.options import BoardOptions
-from thumper.config.robot import RobotConfig
+from thumper.camera.options import CameraOptions
+from thumper.config.robot import RobotConfig, with_ports
+from thumper.gps.options import GpsOptions
+from thumper.imu.options import ImuOptions
 from thumper.lidar.options import LidarOptions
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.loop import RobotLoop
@@ -112,3 +115,33 @@ def test_the_model_of_the_wheels_is_that_of_the_board_that_returns(
     service.bench.fault("board", "ok")
     service.until(lambda: any("the board answers again" in text for text in service.events))
     assert monitor.feed_forward == model
+
+
+@pytest.mark.parametrize("device", ["imu", "gps", "camera"])
+def test_a_sensor_comes_back(device: str) -> None:
+    config = RobotConfig(
+        imu=ImuOptions(enabled=device == "imu"),
+        gps=GpsOptions(enabled=device == "gps"),
+        camera=CameraOptions(enabled=device == "camera"),
+    )
+    board = f"sim://back{device}/board?world=lab&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"
+    with open_robot(with_ports(config, board=board, lidar=f"sim://back{device}/lidar"), START) as robot:
+        service = Service(robot, simulation(f"back{device}"))
+        run_for(service, 1.0)
+        (feed,) = robot.inputs.feeds
+        service.bench.fault(device, "unplugged")
+        run_for(service, 1.0)
+        samples = feed.sensor.counters.samples
+        run_for(service, 2.0)
+        assert feed.sensor.counters.samples == samples > 0
+        service.bench.fault(device, "ok")
+        service.until(lambda: f"the {device} answers again" in service.events)
+        back_s = service.bench.time_s
+        run_for(service, 2.0)
+        assert feed.sensor.counters.restarts == 1
+        assert feed.newest.time_s > back_s  # new samples, on the clock of before
+        assert feed.newest.time_s <= robot.inputs.now_s()
+        service.put(GoTo(goals=(NEAR,)))
+        service.until(lambda: service.mode == "idle")
+        assert service.ask("mission/state")["state"] == "reached"
+        assert not [text for text in service.events if "internal error" in text]
