@@ -1,11 +1,17 @@
 """Outdoors with GPS: the start in a saved map, a goal on Earth, the datum of a new map."""
 
+import json
 import math
+import signal
+import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from benchmarks.shared.live import END_WITH_PARENT, free_port
 from typer.testing import CliRunner
 
+from tests.e2e.conftest import THUMPER
 from tests.e2e.service import Service
 from thumper.cli.app import build_app
 from thumper.common.errors import ThumperError
@@ -105,6 +111,31 @@ def test_a_running_robot_without_a_receiver_drives_to_a_place_on_earth(tmp_path:
         service.until(lambda: service.mode == "idle")
         assert service.ask("library/load", {"name": "other"})["ok"]
         assert "farther than 1000 m" in service.ask("mission/send", at_m)["error"]
+
+
+def test_goto_sends_a_running_robot_to_a_place_on_earth(
+    thumper: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    save_map(World.load("lab").to_grid(), tmp_path / "lab.yaml", MapDatum(*DATUM, math.pi / 2))
+    address = f"127.0.0.1:{free_port()}"
+    board = "sim://earth/board?world=lab&x_m=1.73&y_m=0.08&yaw_deg=180"
+    command = [str(THUMPER), "run", "--board", board, "--lidar", "sim://earth/lidar", "--bus", address]
+    command += ["--map", str(tmp_path / "lab.yaml"), "--out", str(tmp_path / "out"), "--speed", "2"]
+    process = subprocess.Popen([*END_WITH_PARENT, *command], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        assert "is running on" in process.stdout.readline()
+        goal = LocalPlane(DATUM).to_earth(EastNorth(-0.08, 1.23))  # the map's x axis points north
+        done = thumper("goto", "--bus", address, "--gps", *map(repr, goal))
+        assert done.returncode == 0, done.stderr
+        assert "reached: at the goal (1.23, 0.08)" in done.stdout
+        watched = thumper("watch", "pose", "--count", "1", "--json", "--bus", address)
+        at = json.loads(watched.stdout)["pose"]["pose"]["position"]
+        assert math.dist((at["x"], at["y"]), (1.23, 0.08)) < 0.15
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=20)
+    assert process.returncode == 0
 
 
 def test_a_new_map_knows_its_place_on_earth(tmp_path: Path) -> None:
