@@ -39,6 +39,8 @@ def _found_instead(config: LidarOptions) -> str:
         return ""
     if found is None or found[0] == config.model:
         return ""
+    if not found[0]:
+        return f"the lidar on {config.port} {found[1]}"
     return f'{config.port} answers as {found[1]}; set [lidar] model = "{found[0]}"'
 
 

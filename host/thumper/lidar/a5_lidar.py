@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.sensor import READ_TIMEOUT_S, StreamSensor
 from thumper.common.serial_port import PortError, SerialPort
-from thumper.lidar.a5_models import A5Model, find_model
+from thumper.lidar.a5_models import A5Model, find_model, unknown_text
 from thumper.lidar.a5_protocol import (
     HEALTH_ERROR,
     HEALTH_TYPE,
@@ -120,9 +120,7 @@ class A5Lidar(StreamSensor[Scan]):
         info = DeviceInfo.parse(content)
         if info.model not in self.model.ids:
             found = find_model(info, self.model)
-            is_a = f"answers with model number {info.model}, which thumper does not know; see docs/lidar.md"
-            if found:
-                is_a = f'is a {found[1].name}; set [lidar] model = "{found[0]}"'
+            is_a = f'is a {found[1].name}; set [lidar] model = "{found[0]}"' if found else unknown_text(info)
             raise ThumperError(f"the lidar on {self._port.url} {is_a}", exit_code=EXIT_NOT_THERE)
         return info
 

@@ -102,6 +102,15 @@ A5_MODELS = {
 }
 
 
+def unknown_text(info: DeviceInfo) -> str:
+    """Say what a lidar answers whose model is none of `A5_MODELS`."""
+    names = ", ".join(model.name for model in A5_MODELS.values())
+    return (
+        f"answers with model number {info.model} and firmware {info.firmware}, a model that thumper does not "
+        f"know; of its family it knows {names}"
+    )
+
+
 def find_model(info: DeviceInfo, asked: A5Model) -> tuple[str, A5Model] | None:
     """Return option name and model of a device that answered the requests of the model `asked`."""
     for name, model in A5_MODELS.items():

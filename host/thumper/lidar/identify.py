@@ -2,7 +2,7 @@
 
 from thumper.common.serial_port import SerialPort
 from thumper.lidar import ld19, urg04lx
-from thumper.lidar.a5_models import A5_MODELS, find_model
+from thumper.lidar.a5_models import A5_MODELS, find_model, unknown_text
 from thumper.lidar.a5_protocol import INFO_TYPE, DeviceInfo, find_reply
 from thumper.lidar.ld19_protocol import Ld19Decoder
 
@@ -12,6 +12,8 @@ QUIET_S = 0.05
 
 def identify_lidar(port: SerialPort) -> tuple[str, str] | None:
     """Return option name and description of the lidar on `port`; None if none answers. Takes up to 5 s.
+
+    The name is empty if it answers as a model that has no driver.
 
     Use it on a port that is meant for a lidar only: an adapter's USB id is the same on a motor board.
 
@@ -29,7 +31,11 @@ def identify_lidar(port: SerialPort) -> tuple[str, str] | None:
         if reply is not None:
             info = DeviceInfo.parse(reply[1])
             found = find_model(info, model)
-            return (found[0], f"{found[1].name}, firmware {info.firmware}") if found else None
+            return (
+                (found[0], f"{found[1].name}, firmware {info.firmware}")
+                if found
+                else ("", unknown_text(info))
+            )
     port.set_baud(ld19.BAUD)
     if Ld19Decoder().feed(_read(port, ANSWER_S)):
         return "ld19", "LD19 (LD06)"

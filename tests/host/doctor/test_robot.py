@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from thumper.cli.app import build_app
 from thumper_hil.chip.robot_params import RobotParams
+from thumper_hil.lidars.rplidar import RplidarC1
 
 
 def diagnose(*arguments: str, answer: str = "y\n") -> tuple[int, list[dict[str, Any]]]:
@@ -111,6 +112,22 @@ def test_a_lidar_without_that_request_is_found_too(tmp_path: Path, model: str) -
     config.write_text(f'[lidar]\nport = "sim://find{model}/lidar?lidar={model}"\nmodel = "rplidar_c1"\n')
     _, checks = diagnose("--config", str(config))
     assert f'set [lidar] model = "{model}"' in line(checks, "lidar")["fix"]
+
+
+@pytest.mark.parametrize("model", ["urg04lx", "rplidar_a2", "rplidar_c1"])
+def test_a_lidar_of_an_unknown_model_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, model: str
+) -> None:
+    monkeypatch.setattr(RplidarC1, "figures", replace(RplidarC1.figures, model=0x61))
+    config = tmp_path / "robot.toml"
+    port = f"sim://unknown{model}/lidar?lidar=rplidar_c1"
+    config.write_text(f'[lidar]\nport = "{port}"\nmodel = "{model}"\n')
+    code, checks = diagnose("--lidar", port, "--config", str(config))
+    assert code == 4
+    assert line(checks, "lidar")["fix"] == (
+        f"the lidar on {port} answers with model number 97 and firmware 1.2, a model that thumper does not "
+        "know; of its family it knows RPLIDAR A1, RPLIDAR A2, RPLIDAR C1, YDLIDAR X4"
+    )
 
 
 def test_a_gyroscope_that_the_board_does_not_use_is_a_failed_check(tmp_path: Path) -> None:
