@@ -9,6 +9,8 @@ from annotated_types import Ge, Gt, Le
 
 from thumper.common.geometry import FloatArray
 
+DISTORTION_NUMBERS = 5  # of ROS's model plumb_bob
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraOptions:
@@ -23,7 +25,7 @@ class CameraOptions:
     fy_px: Annotated[float, Gt(0)] = 600.0  # along the columns
     cx_px: float = 319.5  # principal point; the centre of the top left pixel is 0, 0
     cy_px: float = 239.5
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)  # k1, k2, p1, p2, k3
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)  # 5 numbers: k1, k2, p1, p2, k3
     x_m: float = 0.15  # lens in the robot's frame, forward
     y_m: float = 0.0  # to the left
     z_m: float = 0.20  # above the floor
@@ -37,6 +39,11 @@ class CameraOptions:
     def __post_init__(self) -> None:
         if self.detector and not self.enabled:
             raise ValueError("detector needs enabled = true")
+        if len(self.distortion) != DISTORTION_NUMBERS:
+            raise ValueError(
+                f"distortion needs {DISTORTION_NUMBERS} numbers, k1, k2, p1, p2, k3; "
+                f"{len(self.distortion)} are given"
+            )
 
     def matrix(self) -> FloatArray:
         """Return the camera matrix, shape (3, 3)."""

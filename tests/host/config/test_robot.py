@@ -63,6 +63,11 @@ def test_masks_are_relative_to_the_file(tmp_path: Path) -> None:
         ("[navigation.limits]\nv_max_m_s = 40.0\n", ["navigation.limits.v_max_m_s", "40.0", "less than"]),
         ('[bus]\ntoken = "short"\n', [": bus: a token has at least 12 characters"]),
         ('[camera]\ndetector = "chairs.onnx"\n', ["camera: detector needs enabled = true"]),
+        (
+            "[camera]\ndistortion = [0.1, 0.2, 0.0, 0.0]\n",
+            ["camera: distortion needs 5 numbers", "4 are given"],
+        ),
+        (f"[camera]\ndistortion = {8 * [0.1]}\n", ["camera: distortion needs 5 numbers", "8 are given"]),
         ("[board\n", ["not valid TOML", "line 1"]),
     ],
 )
