@@ -82,7 +82,7 @@ def print_warnings(robot: RobotLoop, console: Console) -> None:
     has_gps = any(feed.kind is GPS for feed in robot.inputs.feeds)
     if has_gps and estimator.map_datum() is None:
         lines.append(
-            "the place of the map on Earth is unknown: that takes a drive in view of walls with a fix, "
+            "the place of the map on Earth is unknown: that takes a drive with a fix, "
             "of 1 to 2 m with RTK, else of 30 m and more"
         )
     for line in lines:

@@ -1,4 +1,4 @@
-"""What the robot remembers follows a jump of the map, but not a correction of the odometry."""
+"""What the robot remembers: it follows a jump of the map; of mixed pixels only the controllers know."""
 
 import math
 
@@ -47,3 +47,18 @@ def test_a_post_behind_the_robot_follows_a_jump_of_the_map(correction: Pose2, fo
     model.update(cycle(0.2, base, np.empty((0, 2)), correction))
     expected_m = (base if follows else Pose2()).apply(POST_IN_BASE)
     assert model.obstacles.points_m[: model.obstacles.seen] == pytest.approx(expected_m, abs=1e-6)
+
+
+def test_mixed_pixels_do_not_close_the_way_for_the_planner() -> None:
+    """Behind a chair leg a point in the air, at another range in every scan; nothing returns from further."""
+    model = LocalModel(CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), FieldOfView())
+    leg_m = np.array(((1.0, 0.0), (1.0, 0.01)))
+    rng = np.random.default_rng(1)
+    for k in range(50):
+        range_m = float(rng.uniform(1.2, 2.5))
+        air_m = np.array(((range_m, 0.025 * range_m),))
+        costmap = model.update(cycle(0.1 * k, Pose2(), np.vstack((leg_m, air_m)), Pose2()))
+        assert model.obstacles.seen > len(leg_m)  # the collision monitor takes every point seriously
+    rows, cols = costmap.cells_of(np.array(((1.0, 0.0), (1.8, 0.05))))
+    assert (costmap.costs[rows, cols] == 254).tolist() == [True, False]
+    assert costmap.costs[rows[1], cols[1]] < 253

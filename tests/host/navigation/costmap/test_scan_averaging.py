@@ -5,7 +5,7 @@ import pytest
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
-from thumper.navigation.costmap.scan_averaging import average_ranges, averaged_hits
+from thumper.navigation.costmap.scan_averaging import average_ranges, averaged_hits, confirmed_hits
 from thumper_hil.kinematic.world import KinematicWorld, box
 
 ANGLES_RAD = np.radians(np.arange(-120.0, 121.0))
@@ -67,3 +67,12 @@ def test_hits_move_only_along_their_beams() -> None:
     assert after_rad == pytest.approx(bearings_rad)
     assert after_m == pytest.approx(average_ranges(bearings_rad, noisy_m))
     assert averaged_hits(pose, np.empty((0, 2)), view).shape == (0, 2)
+
+
+def test_a_hit_alone_is_not_confirmed() -> None:
+    """A mixed pixel between a chair leg and the wall behind it."""
+    leg_m, air_m = [(1.0, 0.00), (1.0, 0.01)], [(1.6, 0.03)]
+    wall_m = [(2.5, 0.05), (2.5, 0.07), (2.5, 0.09)]
+    assert confirmed_hits(np.array(leg_m + air_m + wall_m)).tolist() == [True, True, False, True, True, True]
+    assert confirmed_hits(np.array(air_m)).tolist() == [False]
+    assert confirmed_hits(np.empty((0, 2))).tolist() == []
