@@ -9,6 +9,7 @@ import pytest
 from benchmarks.shared.wheel_plant import Wheel, steps_and_prbs
 
 from tests.tuning.test_fit import make_log
+from thumper.common.geometry import FloatArray
 from thumper_tuning.design.gains import DesignOptions, design, nominal_model
 from thumper_tuning.identify import compare_models
 from thumper_tuning.identify.model import MotorModel
@@ -115,12 +116,18 @@ def test_models_are_compared_by_validation_fit(motor: IdentifiedMotor) -> None:
     assert era[0].time_constant_s == pytest.approx(Wheel().tau_s, rel=0.05)
 
 
-@pytest.mark.parametrize("pole", [1.2, 1.0 + 1e-3])
+@pytest.mark.parametrize("stable_models", [0, 1], ids=["of the whole log", "of a part of the log"])
 def test_an_unstable_model_is_called_unstable(
-    motor: IdentifiedMotor, monkeypatch: pytest.MonkeyPatch, pole: float
+    motor: IdentifiedMotor, monkeypatch: pytest.MonkeyPatch, stable_models: int
 ) -> None:
-    system = control.ss([[pole]], [[1.0]], [[1.0]], [[0.0]], 0.1)
-    monkeypatch.setattr(compare_models, "realize", lambda *_: system)
+    orders: list[int] = []
+
+    def realize(_response: FloatArray, order: int, period_s: float) -> control.LTI:
+        orders.append(order)
+        pole = 0.5 if orders.count(order) <= stable_models else 1.001
+        return control.ss([[pole]], [[1.0]], [[1.0]], [[0.0]], period_s)
+
+    monkeypatch.setattr(compare_models, "realize", realize)
     assert [model.fit_percent for model in motor.compare()[-2:]] == [None, None]
 
 

@@ -65,7 +65,7 @@ class RunOptions:
             check_place("--start", *self.start[:2])
         configured = load_config(self.config)
         settings = with_ports(configured, board=self.board, lidar=self.lidar)
-        if self.board.startswith("sim:") and (unused := unused_ports(configured, settings)):
+        if settings.board.port.startswith("sim:") and (unused := unused_ports(configured, settings)):
             report_to_stderr(f"the simulated board brings its own sensors; not used: {', '.join(unused)}")
         if self.bus:
             settings = replace(settings, bus=settings.bus.at(self.bus))

@@ -43,10 +43,10 @@ class EarthReference:
         self._alignment = Alignment()  # of the map
 
     def add(self, fix: Fix, odom_at_fix: Pose2, map_from_odom: Pose2, *, drift_m: float) -> None:
-        """Add a fix, with the odometry at its time and the drift of that since the last match with the map.
+        """Add a fix, with the odometry at its time, and its drift since the last match with the map.
 
-        Where it has drifted by more than the fix's error, the map follows the GPS as soon as it is aligned,
-        and says no more about the alignment.
+        Where the drift is larger than the fix's error, an aligned map follows the GPS. Then it shows nothing
+        more about the alignment.
         """
         plane = self.filter.plane
         seen = self.filter.correct(fix, odom_at_fix)

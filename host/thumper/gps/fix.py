@@ -38,7 +38,8 @@ class Fix:
     @property
     def std_m(self) -> float:
         """Standard deviation of the position along its worse horizontal axis [m]; NaN without a fix."""
-        return math.sqrt(max(self.variances_m2[:2]))
+        worse_m2 = max(self.variances_m2[:2])
+        return math.sqrt(worse_m2) if worse_m2 >= 0.0 else math.nan
 
     @property
     def text(self) -> str:
@@ -47,5 +48,5 @@ class Fix:
         return self.status.text + accuracy
 
     def as_recorded(self) -> "Fix":
-        """Return the fix as a recording stores it: whole nanoseconds."""
+        """Return the fix at the time that a recording stores: whole nanoseconds."""
         return replace(self, time_s=rounded_s(self.time_s))

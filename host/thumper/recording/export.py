@@ -141,7 +141,7 @@ def _flatten(name: str, value: Any, into: Row) -> None:
     if kind == "builtin_interfaces/msg/Time":
         into[name] = seconds(value.sec * 1_000_000_000 + value.nanosec)
     elif kind == "geometry_msgs/msg/Quaternion":
-        into[f"{name}.yaw"] = _yaw_rad(value)
+        into[f"{name}.yaw"] = from_ros.roll_pitch_yaw_of(value)[2]
     elif is_dataclass(value):
         for field in _fields(value):
             _flatten(f"{name}.{field.name}" if name else field.name, getattr(value, field.name), into)
@@ -150,10 +150,6 @@ def _flatten(name: str, value: Any, into: Row) -> None:
             into.update({f"{name}.{index}": number for index, number in enumerate(value.tolist())})
     else:
         into[name] = value
-
-
-def _yaw_rad(q: Any) -> float:
-    return float(np.arctan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2)))
 
 
 def _fields(message: Message) -> list[Field[Any]]:

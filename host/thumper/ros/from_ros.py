@@ -98,6 +98,8 @@ def fix_of(msg: Message, epoch_ns: int = 0) -> Fix:
     Its status is the same for RTK float and RTK fixed, so the accuracy decides.
     """
     covariance = msg.position_covariance
+    if msg.status.status > FixStatus.RTK:
+        raise ValueError(f"{msg.status.status} is not a status of a fix")
     fix = Fix(
         time_s=host_time_s(stamp_ns_of(msg), epoch_ns),
         status=FixStatus(msg.status.status),
@@ -133,8 +135,7 @@ def _planar(position: Message, q: Message) -> Pose2:
     length = math.hypot(q.x, q.y, q.z, q.w)  # unlike the sum of squares it does not overflow
     if abs(length - 1.0) > UNIT_TOLERANCE:
         raise ValueError(f"the orientation has length {length:g} instead of 1")
-    yaw_rad = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
-    return Pose2(x_m=position.x, y_m=position.y, theta_rad=yaw_rad)
+    return Pose2(x_m=position.x, y_m=position.y, theta_rad=roll_pitch_yaw_of(q)[2])
 
 
 def roll_pitch_yaw_of(q: Message) -> tuple[float, float, float]:

@@ -45,8 +45,8 @@ class Mapper(Protocol):
         """Process one scan.
 
         `odom_from_base` is the odometry pose at `scan.time_s` (beam 0). `twist` is the speed during the
-        revolution, for de-skewing. `turn_std_rad` is the error of the odometry's turn since the previous
-        scan, if a gyroscope measured it; methods that assume more anyway ignore it.
+        revolution, for de-skewing. `turn_std_rad` is the error of the odometry's turn since the newest
+        matched scan, if a gyroscope measured it; methods that assume more anyway ignore it.
         """
         ...
 

@@ -1,4 +1,4 @@
-"""A wrong position, with a valid checksum, far away from all others."""
+"""Far positions with a valid checksum, and the alignment of a map on open ground."""
 
 import math
 
@@ -50,3 +50,40 @@ def test_in_a_map_elsewhere_every_position_is_rejected() -> None:
     drive(earth, -1)
     assert (earth.filter.fixes, earth.filter.rejected) == (40, 40)
     assert earth.filter.enu_from_base is None
+
+
+def align(ways_m: tuple[float, float], *, drift_per_m: float) -> list[MapDatum | None]:
+    """Drive east twice with RTK, the map turned by 0.5 rad on the second way; return the datum after each."""
+    earth, plane, datums = EarthReference(GpsOptions()), LocalPlane(START), list[MapDatum | None]()
+    at_m = 0.0
+    for way_m, turned_rad in zip(ways_m, (0.0, 0.5), strict=True):
+        for _ in range(round(way_m / 0.1)):
+            at_m += 0.1
+            odom_from_base = Pose2(x_m=at_m)
+            earth.filter.predict(odom_from_base, 1e-6 * at_m)
+            earth.add(
+                fix(2.0 * at_m, plane.to_earth(EastNorth(at_m, 0.0))),
+                odom_from_base,
+                Pose2(theta_rad=turned_rad),
+                drift_m=drift_per_m * at_m,
+            )
+        datums.append(earth.map_datum())
+    return datums
+
+
+def test_a_map_without_matched_scans_is_aligned_once() -> None:
+    """Drift makes the pairs weigh less. An aligned map follows the GPS, so it may not align itself by it."""
+    short, _ = align((1.0, 0.1), drift_per_m=0.05)
+    assert short is None
+    first, second = align((6.0, 6.0), drift_per_m=0.05)
+    assert first is not None
+    assert first.yaw_rad == pytest.approx(0.0, abs=0.02)
+    assert second == pytest.approx(first)
+
+
+def test_a_map_with_matched_scans_is_aligned_on_and_on() -> None:
+    early, _ = align((1.0, 0.1), drift_per_m=0.0)
+    assert early is not None
+    _, turned = align((6.0, 6.0), drift_per_m=0.0)
+    assert turned is not None
+    assert turned.yaw_rad < -0.1

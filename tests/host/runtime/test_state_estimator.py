@@ -11,10 +11,13 @@ from benchmarks.shared.telemetry import telemetry_sample
 from thumper.board.board import TelemetrySample
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.kinematics import DriveGeometry
+from thumper.imu.options import ImuOptions
+from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
 from thumper.lidar.scan_checks import ScanDefect
 from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.grid.grid_mapper import GridMapper
+from thumper.slam.mapper import MapperUpdate
 from thumper.slam.mode_switch import SlamModeSwitch
 from thumper_hil.world.world import World
 
@@ -244,3 +247,39 @@ def test_the_doubt_about_the_map_ends_with_its_reason_but_is_reported_at_the_end
         seen.append(estimator.map_doubt)
     assert seen == ["", "the map explains only 20 % of the scan", ""]
     assert estimator.warnings()["MAP"] == seen[1]
+
+
+class RecordsTurnStd(GridMapper):
+    """Keeps what the state estimator says about each turn."""
+
+    def __init__(self) -> None:
+        super().__init__(base_from_laser=LASER)
+        self.turn_std_rad: list[float] = []
+
+    def update(self, *args: Any, turn_std_rad: float = math.inf) -> MapperUpdate:
+        self.turn_std_rad.append(turn_std_rad)
+        return super().update(*args, turn_std_rad=turn_std_rad)
+
+
+@pytest.mark.parametrize("has_gyroscope", [False, True])
+def test_the_error_of_a_turn_counts_from_the_newest_matched_scan(has_gyroscope: bool) -> None:
+    mapper = RecordsTurnStd()
+    imu = ImuOptions(enabled=has_gyroscope)
+    robot = StateEstimator(drive=DRIVE, base_from_laser=LASER, mapper=mapper, imu=imu)
+    counts = 20
+    for k in range(60):
+        time_s = 0.1 * k
+        for step in range(10):
+            robot.add_imu(ImuSample(time_s=time_s - 0.1 + 0.01 * step, yaw_rate_rad_s=0.0))
+        robot.add_telemetry(telemetry(time_s, counts * k, counts * k))
+        seen = scan(time_s - 0.15, [Pose2(x_m=counts * M_PER_COUNT * (k - 1.5))] * 100)
+        is_blind = 20 <= k < 50  # nothing returns
+        robot.add_scan(replace(seen, ranges_m=np.full(100, np.nan)) if is_blind else seen)
+    if not has_gyroscope:
+        assert set(mapper.turn_std_rad) == {math.inf}
+        return
+    matched, blind, again = mapper.turn_std_rad[5:18], mapper.turn_std_rad[20:46], mapper.turn_std_rad[-6:]
+    assert max(matched) < 0.003
+    assert blind == sorted(blind)
+    assert blind[-1] > 3.0 * max(matched)
+    assert max(again) < 0.003

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     import control
 
 ERA_ORDERS = (1, 2)
-DIVERGED_PERCENT = -100.0  # a fit this bad is that of a model that grows without bound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +32,7 @@ class ComparedModel:
     """A model as a discrete python-control system, and how well it predicts held-out speeds."""
 
     kind: str
-    fit_percent: float | None  # None: unstable, on all windows or on those that it was fitted to
+    fit_percent: float | None  # None: the model of the whole log, or of a part of it, is unstable
     time_constant_s: float | None
     second_time_constant_s: float | None = None
     system: "control.LTI | None"  # from drive without friction to counted speed; None: not linear
@@ -77,23 +76,27 @@ def era_models(segments: list[LogSegment], fit: Fit) -> list[ComparedModel]:
     use, speeds, found = ~fit.is_glitch, all_speeds(segments), []
 
     responses: dict[bytes, FloatArray] = {}  # of the windows that are not held out: both orders need them
+    is_stable: dict[int, bool] = dict.fromkeys(ERA_ORDERS, True)
+
+    def system_of(response: FloatArray, order: int) -> "control.LTI":
+        system = realize(response, order, record.period_s)
+        is_stable[order] &= bool(np.all(np.abs(system.poles()) < 1.0))
+        return system
 
     def residuals(order: int, kept: BoolArray) -> FloatArray:
         key = kept.tobytes()
         if key not in responses:
             responses[key] = impulse_response(record, use & kept)
-        return speeds - predict_linear(record, realize(responses[key], order, record.period_s))
+        return speeds - predict_linear(record, system_of(responses[key], order))
 
     markov = impulse_response(record, use)
     for order in ERA_ORDERS:
-        system = realize(markov, order, record.period_s)
-        stable = bool(np.all(np.abs(system.poles()) < 1.0))
+        system = system_of(markov, order)
         held_out = validate(segments, fit, partial(residuals, order))
-        diverges = not stable or held_out.fit_percent < DIVERGED_PERCENT
         found.append(
             ComparedModel(
                 kind=f"ERA, order {order}",
-                fit_percent=None if diverges else held_out.fit_percent,
+                fit_percent=held_out.fit_percent if is_stable[order] else None,
                 time_constant_s=slow_time_constant_s(system),
                 system=system,
             )

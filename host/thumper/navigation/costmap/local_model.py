@@ -98,7 +98,7 @@ class LocalModel:
             position_error_m=np.concatenate((np.zeros(len(self.hits_m)), error_m, np.zeros(len(unseen_m)))),
             seen=len(seen_m),
         )
-        self.costmap = self._layers.update(cycle.grid, np.vstack((confirmed_m, far_m)))
+        self.costmap = self._layers.update(cycle.grid, np.vstack((self.hits_m, far_m)))
         return self.costmap
 
     def static_band(self, grid: OccupancyGrid, begin: int, end: int) -> Costmap:

@@ -61,6 +61,11 @@ class Look:
         moved._map_from_base = new_from_old @ self._map_from_base
         return moved
 
+    def distance_m(self, other: "Look") -> float:
+        """Return how far the lidar was from where it was in another look [m]."""
+        mount = self._view.base_from_laser
+        return (self._map_from_base @ mount).distance_m(other._map_from_base @ mount)
+
     def is_open(self, points_m: FloatArray) -> NDArray[np.bool_]:
         """Return which places, shape (n, 2) in map [m], were in view, with no echo from there or nearer."""
         bearing_rad, range_m = self._view.bearings_and_ranges(self._map_from_base, points_m)

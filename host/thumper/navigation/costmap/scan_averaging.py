@@ -17,8 +17,6 @@ MAX_BEAMS = 8  # to each side
 SAME_SURFACE_M = 0.04
 CONFIRMED_M = 0.08
 
-BoolArray = NDArray[np.bool_]
-
 
 @kernel
 def average_ranges(bearings_rad: FloatArray, ranges_m: FloatArray) -> FloatArray:
@@ -47,13 +45,13 @@ def average_ranges(bearings_rad: FloatArray, ranges_m: FloatArray) -> FloatArray
     return smooth
 
 
-def confirmed_hits(hits_m: FloatArray) -> BoolArray:
-    """Return which hits, shape (n, 2) [m] in beam order, have one of the next beams' beside them, shape (n,).
+def confirmed_hits(hits_m: FloatArray) -> NDArray[np.bool_]:
+    """Return which hits, shape (n, 2) [m], are within `CONFIRMED_M` of a neighbour in beam order, shape (n,).
 
-    A beam that meets an edge measures a point in the air behind it, at another range in every scan. Points
-    that stay alone are such mixed pixels, or objects so thin or so far that the map shows them better.
+    A beam that meets an edge measures a point in the air behind it, at another range in every scan. A hit
+    alone is such a mixed pixel, or an object so thin or so far that a single beam meets it.
     """
-    beside: BoolArray = np.hypot(*np.diff(hits_m, axis=0).T) < CONFIRMED_M
+    beside: NDArray[np.bool_] = np.hypot(*np.diff(hits_m, axis=0).T) < CONFIRMED_M
     confirmed = np.zeros(len(hits_m), np.bool_)
     confirmed[1:] |= beside
     confirmed[:-1] |= beside

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import FREE, OccupancyGrid
+from thumper.navigation.costmap.obstacle_memory import LOOK_STEP_M, SILENT_LOOKS
 from thumper.navigation.costmap.ray_evidence import Look
 from thumper.navigation.footprint import Footprint
 
@@ -31,19 +32,17 @@ TURNING_ROOM_M = 0.03  # beyond the robot's circle
 EDGE_OF_VIEW_RAD = math.radians(1.0)
 STEP_M, STEP_RAD = 0.05, 0.10  # between two remembered poses
 REMEMBERED_M, REMEMBERED_POSES = 2.0, 100
-NO_HITS: FloatArray = np.empty((0, 2))
-LOOKS = 3  # of the remembered scans that found ground open
 
 
 class _Visit(NamedTuple):
     """Where the robot was, and what its lidar found there."""
 
     map_from_base: Pose2
-    look: Look
+    look: Look | None  # None: the lidar was where it had looked from last
 
     def moved(self, new_from_old: Pose2) -> "_Visit":
         """Return this visit, moved with the map."""
-        return _Visit(new_from_old @ self.map_from_base, self.look.moved(new_from_old))
+        return _Visit(new_from_old @ self.map_from_base, self.look and self.look.moved(new_from_old))
 
 
 class UnseenGround:
@@ -66,7 +65,7 @@ class UnseenGround:
         self,
         window: OccupancyGrid,
         map_from_base: Pose2,
-        hits_m: FloatArray = NO_HITS,
+        hits_m: FloatArray,
         scan_pose: Pose2 | None = None,
     ) -> FloatArray:
         """Return the centres of the unseen cells near the robot, shape (n, 2) [m].
@@ -93,8 +92,9 @@ class UnseenGround:
             left = np.flatnonzero(~free)
             if not left.size:
                 break
-            looks[left] += visit.look.is_open(points_m[left])
-            free[left] = looks[left] >= LOOKS
+            if visit.look is not None:
+                looks[left] += visit.look.is_open(points_m[left])
+            free[left] = looks[left] >= SILENT_LOOKS
             free[left] |= self._outside_m(points_m[left], visit.map_from_base) <= 0.0
         return free
 
@@ -138,4 +138,6 @@ class UnseenGround:
         near = [
             visit for visit in self._visits if visit.map_from_base.distance_m(map_from_base) <= REMEMBERED_M
         ]
-        self._visits = [*near[-REMEMBERED_POSES + 1 :], _Visit(map_from_base, look)]
+        looked_from = next((visit.look for visit in reversed(near) if visit.look is not None), None)
+        is_new = looked_from is None or look.distance_m(looked_from) >= LOOK_STEP_M
+        self._visits = [*near[-REMEMBERED_POSES + 1 :], _Visit(map_from_base, look if is_new else None)]

@@ -29,7 +29,7 @@ from thumper.runtime.requests import TeleopSource, Velocity
 from thumper.runtime.safe_stop import STOP_CYCLES
 from thumper.runtime.state_estimator import RobotState
 
-GOAL_MARGIN_M, ROBOT_MARGIN_M = 1.0, 2.5  # the controllers read a window of 4 m
+GOAL_MARGIN_M, ROBOT_MARGIN_M = 1.0, 2.5  # more than half the controllers' usual window
 DISARMED_CYCLES = 3  # telemetry from before ARM may still arrive
 BY_PROGRAM, RELEASED = "driven by another program", "manual command released"
 

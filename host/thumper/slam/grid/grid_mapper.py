@@ -11,7 +11,7 @@ from thumper.lidar.deskew import ScanPoints, scan_points
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.slam.grid.grid_matcher import NEW_AREA_BELOW, GridMatcher, Match, Prediction
+from thumper.slam.grid.grid_matcher import GridMatcher, Match, Prediction
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.kidnap_detector import KidnapDetector
 from thumper.slam.grid.options import GridMapperOptions
@@ -135,13 +135,12 @@ class GridMapper:
         match, consistent, usable = Match(pose=predicted), True, hits_m.shape[0] >= MIN_HITS
         if usable and self._inserted_at is not None:
             degenerate = degenerate_direction(predicted.theta_rad, hits_m)
-            turn_std_rad = math.hypot(GYRO_STD_RAD, turn_std_rad) + GYRO_SLIP_PER_RAD * abs(moved.theta_rad)
             match = self._match(points, predicted, moved, degenerate, turn_std_rad)
             evidence = self._matcher().evidence(points, match.pose)
             self._kidnap.update(evidence, hits_m, moved, self._pose.inverse() @ match.pose)
             if self._kidnap.suspect:
                 match = replace(match, pose=predicted)
-            new_area = not self._is_explained(match) and evidence.contradicting_share < NEW_AREA_BELOW
+            new_area = not self._is_explained(match) and evidence.shows_new_area
             consistent = (new_area or self._is_explained(match)) and not self._kidnap.doubtful
             information = self._matcher().information(hits_m, match.pose)
             self._covariance.update(information, degenerate, match.score, new_area=new_area)
@@ -162,12 +161,13 @@ class GridMapper:
         self, points: ScanPoints, predicted: Pose2, moved: Pose2, degenerate: FloatArray, turn_std_rad: float
     ) -> Match:
         """Return the best match near the predicted pose."""
-        matching = self._options.matching
+        matching, turn_rad = self._options.matching, abs(moved.theta_rad)
+        most_std_rad = math.hypot(GYRO_STD_RAD, turn_std_rad) + GYRO_SLIP_PER_RAD * turn_rad
         prediction = Prediction(
             pose=predicted,
-            turn_rad=abs(moved.theta_rad),
-            information=odometry_information(matching, moved, degenerate, turn_std_rad=turn_std_rad),
-            turn_std_rad=turn_std_rad,
+            turn_rad=turn_rad,
+            information=odometry_information(matching, moved, degenerate, turn_std_rad=most_std_rad),
+            turn_std_rad=most_std_rad,
         )
         return self._matcher().match(points, prediction)
 

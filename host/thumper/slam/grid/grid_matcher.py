@@ -23,7 +23,6 @@ from thumper.slam.scan_matching.gauss_newton import (
 SCORE_STD_M = 0.1  # width of the beam likelihood in the score
 SEARCH_STD_M = 2.0 * SCORE_STD_M  # the same in a search: wide enough that its steps miss no peak
 SEARCH_BELOW = 0.5  # a score below this starts the window search
-NEW_AREA_BELOW = 0.2  # share of the hits that contradict the map
 SEARCH_GAIN = 0.1  # a pose from the window search must score this much better
 SEARCH_STEP_RAD = 0.04  # of the window search
 SEARCH_SIGMAS = 4.0  # of a turn that a gyroscope measured: no search leaves it further behind
@@ -69,7 +68,7 @@ class GridMatcher:
             best = best.better(self.refine(hits_m, prediction.pose, prediction.information, 0.5 * OUTLIER_M))
         if (start := self._search_headings(hits_m, prediction)) is not None:
             best = best.better(self.refine(hits_m, start, prediction.information), HEADING_GAIN)
-        if best.score < SEARCH_BELOW and not self.shows_new_area(points, best.pose):
+        if best.score < SEARCH_BELOW and not self.evidence(points, best.pose).shows_new_area:
             start = self.search_window(hits_m, prediction.pose, SEARCH_SIGMAS * prediction.turn_std_rad)
             best = best.better(self.refine(hits_m, start, prediction.information), SEARCH_GAIN)
         return best
@@ -89,10 +88,6 @@ class GridMatcher:
         """Return the information of the beams alone at the pose, shape (3, 3)."""
         weights = MatchWeights(self.options.matching.beam_std_m)
         return beam_information(hits_m, self._to_corner(pose), self.grid.field, weights)
-
-    def shows_new_area(self, points: ScanPoints, pose: Pose2) -> bool:
-        """Return whether hardly a beam contradicts the map: what the map does not explain is new."""
-        return self.evidence(points, pose).contradicting_share < NEW_AREA_BELOW
 
     def evidence(self, points: ScanPoints, pose: Pose2) -> BeamEvidence:
         """Return what about `EVIDENCE_BEAMS` of the hits say about the pose."""

@@ -12,6 +12,7 @@ from thumper.slam.scan_matching.distance_field import CountArray, DistanceField
 
 # This close before its end, a beam may pass a cell that is a wall in the map: neither is exact.
 WALL_MARGIN_M = 0.3
+NEW_AREA_BELOW = 0.2  # share of the beams
 
 MaskArray = NDArray[np.bool_]
 
@@ -47,6 +48,11 @@ class BeamEvidence(NamedTuple):
         """
         against = self.through_wall | ((self.likelihoods == 0.0) & ~self.unknown)
         return float(against.sum()) / max(1, len(against))
+
+    @property
+    def shows_new_area(self) -> bool:
+        """Whether hardly a beam contradicts the map: what the map does not explain is new."""
+        return self.contradicting_share < NEW_AREA_BELOW
 
     def _counted(self) -> float:
         beams = len(self.likelihoods)

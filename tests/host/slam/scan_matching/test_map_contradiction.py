@@ -121,6 +121,7 @@ def test_another_part_of_a_wall_does_not_move_the_pose() -> None:
     assert mapper.update(Pose2(), other, Twist2()).map_from_base.distance_m(Pose2()) < 0.05
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [8, 21, 23, 25])
 def test_a_wall_at_the_end_of_the_range_does_not_turn_a_robot_with_a_gyroscope(seed: int) -> None:
-    assert max(turned_rad for _, turned_rad in approach(seed, 0.0005)) < 0.03
+    """Without one these scans turn it by 0.043 to 0.060 rad."""
+    assert max(turned_rad for _, turned_rad in approach(seed, 0.0005)) < 0.02
