@@ -78,6 +78,12 @@ class EarthReference:
             return Pose2(theta_rad=self._datum.yaw_rad)
         return self._alignment.enu_from_frame() if self._alignment.std_rad < DATUM_STD_RAD else None
 
+    @property
+    def heading_var_rad2(self) -> float:
+        """Variance of the robot's heading in the map by GPS; infinite as long as it is unknown."""
+        of_map = 0.0 if self._datum is not None else self._alignment.std_rad**2
+        return math.inf if self.filter.enu_from_odom is None else float(self.filter.covariance[2, 2]) + of_map
+
     def map_datum(self) -> MapDatum | None:
         """Return the datum to save with the map; None as long as it is unknown."""
         plane, at = self.filter.plane, self.enu_from_map

@@ -104,8 +104,7 @@ class StateEstimator:
         self._hits_in_map_m = np.empty((0, 2))
         self._map_from_scan_base: Pose2 | None = None
         self._scan_time_s = -np.inf
-        # Of the odometry's heading at the newest matched scan; None: the GPS has changed the heading since.
-        self._matched_var_rad2: float | None = 0.0
+        self._mapped_var_rad2 = 0.0  # of the odometry's heading at the newest scan in the map
         self.scan_checker = ScanChecker()
         self.scans_mapped = 0
         self.driven_m = 0.0  # by odometry: the pose in the map also jumps while the robot is stationary
@@ -158,7 +157,7 @@ class StateEstimator:
         by_gps = self.earth.map_from_odom(better_than_m=drift_m)
         if by_gps is not None:
             self._corrected_from_odom = self.mapper.map_from_odom.inverse() @ by_gps
-            self._matched_var_rad2 = None
+            self._mapped_var_rad2 = self._heading_var_rad2() - self.earth.heading_var_rad2
 
     def add_frame(self, frame: CameraFrame) -> None:
         """Add a camera frame; the tags in it are surveyed, or correct the pose."""
@@ -273,11 +272,14 @@ class StateEstimator:
         return float(self._newest.covariance[2, 2])
 
     def _turn_std_rad(self) -> float:
-        """Return the error of the turn since the newest matched scan [rad]; infinite without a gyroscope."""
-        if self._matched_var_rad2 is None or not isinstance(self._odometry, GyroEkf):
+        """Return the error of the turn since the newest scan in the map [rad]; infinite without a gyroscope.
+
+        The error of a heading by GPS counts as one of the odometry.
+        """
+        if not isinstance(self._odometry, GyroEkf):
             return math.inf
         # A correction of the past turns lowers the variance, and moves the heading by as much.
-        return math.sqrt(abs(self._heading_var_rad2() - self._matched_var_rad2))
+        return math.sqrt(abs(self._heading_var_rad2() - self._mapped_var_rad2))
 
     def _map(self, scan: Scan, revolution_s: float) -> None:
         odom_from_base = self._pose_buffer.at(scan.time_s)
@@ -288,7 +290,9 @@ class StateEstimator:
         corrected = self._corrected_from_odom @ odom_from_base
         update = self.mapper.update(corrected, scan, twist, turn_std_rad=self._turn_std_rad())
         if update.match_score >= GOOD_MATCH:  # not NaN, as of a scan that hits nothing
-            self._matched_at_m, self._matched_var_rad2 = self.driven_m, self._heading_var_rad2()
+            self._matched_at_m = self.driven_m
+        if update.match_score >= GOOD_MATCH or update.integrated:  # what the next scan is matched to
+            self._mapped_var_rad2 = self._heading_var_rad2()
         self.mount_check.update(odom_from_base, scan)
         if update.jumped or update.match_score < GOOD_MATCH:
             self._slip_detector.reset()

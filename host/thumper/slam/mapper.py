@@ -46,7 +46,7 @@ class Mapper(Protocol):
 
         `odom_from_base` is the odometry pose at `scan.time_s` (beam 0). `twist` is the speed during the
         revolution, for de-skewing. `turn_std_rad` is the error of the odometry's turn since the newest
-        matched scan, if a gyroscope measured it; methods that assume more anyway ignore it.
+        scan in the map, if a gyroscope measured it; methods that assume more anyway ignore it.
         """
         ...
 
