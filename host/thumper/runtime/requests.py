@@ -17,7 +17,10 @@ MAX_WAYPOINTS = 200
 MAX_LEGS = 2000  # of all rounds
 MAX_WAIT_S = 3600.0  # at a waypoint
 EARTH = ("latitude_deg", "longitude_deg")
-NO_DATUM = "the map has no place on Earth: it needs a datum in its YAML, which a run with [gps] saves"
+NO_DATUM = (
+    "the map has no place on Earth: it needs a datum in its YAML, or [gps] and a drive of 1 to 2 m with RTK, "
+    "else of 30 m"
+)
 
 
 def parse_goal(

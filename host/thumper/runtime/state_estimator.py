@@ -152,7 +152,7 @@ class StateEstimator:
             self.mapper.set_position_prior(*prior)
         if not self._pose_buffer.covers(fix.time_s):
             return
-        drift_m = UNMATCHED_DRIFT * (self.driven_m - self._matched_at_m)
+        drift_m = self._drift_m
         self.earth.add(fix, self._pose_buffer.at(fix.time_s), self.map_from_odom, drift_m=drift_m)
         by_gps = self.earth.map_from_odom(better_than_m=drift_m)
         if by_gps is not None:
@@ -242,9 +242,24 @@ class StateEstimator:
             twist=self._newest.twist,
             hits_in_map_m=self._hits_in_map_m,
             scan_age_s=scan_age_s if scan_age_s > -MAX_SCAN_WAIT_S else np.inf,  # a clock was set back
-            lost=self.mapper.quality().lost if self.scans_mapped else "",
+            lost=self._lost() if self.scans_mapped else "",
             frames=frames,
         )
+
+    @property
+    def _drift_m(self) -> float:
+        """Error of the position by odometry since scans fixed it last [m]."""
+        quality = self.mapper.quality()
+        unmatched_m = UNMATCHED_DRIFT * (self.driven_m - self._matched_at_m)
+        return max(unmatched_m, quality.std_m) if quality.has_drifted else unmatched_m
+
+    def _lost(self) -> str:
+        """Return why the pose is not trusted; a position that no wall fixes may be fixed by GPS."""
+        quality = self.mapper.quality()
+        if quality.has_drifted and self.earth is not None:
+            is_fixed = self.earth.map_from_odom(better_than_m=self._drift_m) is not None
+            return "" if is_fixed else quality.lost
+        return quality.lost
 
     def _look_at_frame(self) -> None:
         frame, newest = self._frame, self._newest

@@ -27,6 +27,7 @@ class PoseQuality:
     covariance: FloatArray  # of x, y, theta in the map, shape (3, 3) [m^2, m rad, rad^2]
     explained: float  # mean likelihood of the beams of the newest matched scan at the pose, 0...1
     lost: str  # why the robot must not drive by this pose; empty while it may
+    has_drifted: bool = False  # lost only because no wall has fixed the position for long
 
     @property
     def std_m(self) -> float:

@@ -11,6 +11,10 @@ from benchmarks.shared.telemetry import telemetry_sample
 from thumper.board.board import TelemetrySample
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.kinematics import DriveGeometry
+from thumper.gps.earth_reference import EarthReference
+from thumper.gps.fix import Fix, FixStatus
+from thumper.gps.local_plane import EastNorth, LatLon, LocalPlane
+from thumper.gps.options import GpsOptions
 from thumper.imu.options import ImuOptions
 from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
@@ -283,3 +287,31 @@ def test_the_error_of_a_turn_counts_from_the_newest_matched_scan(has_gyroscope: 
     assert blind == sorted(blind)
     assert blind[-1] > 3.0 * max(matched)
     assert max(again) < 0.003
+
+
+@pytest.mark.parametrize("has_gps", [False, True])
+def test_on_open_ground_a_robot_is_lost_without_gps_only(has_gps: bool) -> None:
+    """It drives 30 m east, and nothing returns."""
+    earth = EarthReference(GpsOptions()) if has_gps else None
+    robot = StateEstimator(
+        drive=DRIVE, base_from_laser=LASER, mapper=GridMapper(base_from_laser=LASER), earth=earth
+    )
+    plane, counts = LocalPlane(LatLon(48.0, 11.0)), round(0.1 / M_PER_COUNT)
+    for k in range(300):
+        time_s = 0.2 * k
+        robot.add_telemetry(telemetry(time_s, counts * k, counts * k))
+        seen = scan(time_s - 0.15, [Pose2()] * 100)
+        robot.add_scan(replace(seen, ranges_m=np.full(100, np.nan)) if k > 2 else seen)
+        place = plane.to_earth(EastNorth(counts * k * M_PER_COUNT, 0.0))
+        rtk = Fix(
+            time_s=time_s,
+            status=FixStatus.RTK,
+            latitude_deg=place.latitude_deg,
+            longitude_deg=place.longitude_deg,
+            variances_m2=(1e-4, 1e-4, 1e-3),
+        )
+        robot.add_fix(rtk)
+    assert robot.mapper.quality().has_drifted
+    state = robot.state()
+    assert state is not None
+    assert bool(state.lost) is not has_gps

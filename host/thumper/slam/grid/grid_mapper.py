@@ -63,8 +63,8 @@ class GridMapper:
 
     def quality(self) -> PoseQuality:
         """Return the covariance of the newest pose and whether it is lost."""
-        quality = self._covariance.quality()
-        return replace(quality, lost=quality.lost or self._kidnap.lost)
+        quality, moved = self._covariance.quality(), self._kidnap.lost
+        return replace(quality, lost=quality.lost or moved, has_drifted=quality.has_drifted and not moved)
 
     @property
     def kidnapped(self) -> bool:

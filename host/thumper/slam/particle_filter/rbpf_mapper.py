@@ -5,6 +5,7 @@ IEEE T-RO 23(1), 2007.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -76,7 +77,7 @@ class RbpfMapper:
         offsets = self._poses - self._poses[self._best]
         offsets[:, 2] = np.remainder(offsets[:, 2] + math.pi, math.tau) - math.pi
         covariance = quality.covariance + (offsets * weights[:, np.newaxis]).T @ offsets
-        return PoseQuality(covariance=np.asarray(covariance), explained=quality.explained, lost=quality.lost)
+        return replace(quality, covariance=np.asarray(covariance))
 
     def resume_at(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
         """Continue in the same maps from a pose that another estimator found at a newer scan."""

@@ -1,7 +1,7 @@
 """Covariance of a scan-matched pose, and the decision that the pose is lost."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -68,12 +68,13 @@ class PoseCovariance:
     def quality(self) -> PoseQuality:
         """Return the quality of the newest pose."""
         quality = PoseQuality(covariance=self.covariance.copy(), explained=self._explained, lost="")
-        lost = ""
+        lost, has_drifted = "", False
         if self._poor_scans >= self._options.lost_after:
             lost = f"the map explains only {100.0 * self._explained:.0f} % of the scan"
         elif quality.std_m > self._options.lost_beyond_m:
+            has_drifted = True
             lost = f"no visible wall fixes the position along the path: it may be {quality.std_m:.1f} m off"
-        return PoseQuality(covariance=quality.covariance, explained=self._explained, lost=lost)
+        return replace(quality, lost=lost, has_drifted=has_drifted)
 
 
 @kernel
