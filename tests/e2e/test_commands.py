@@ -50,8 +50,8 @@ def test_without_a_datum_a_goal_on_earth_is_refused_in_one_line(thumper: Run, bu
     assert done.returncode == 1
     (line,) = done.stderr.strip().splitlines()
     assert line.endswith(
-        "the map has no place on Earth: it needs a datum in its YAML, or [gps] and a drive of 1 to 2 m with RTK, "
-        "else of 30 m"
+        "the map has no place on Earth: it needs a datum in its YAML, "
+        "or [gps] and a drive of 1 to 2 m with RTK, else of 30 m"
     )
     assert thumper("goto", "1.2", "--gps", "48.0", "11.0", "--bus", bus).returncode == 2
     assert thumper("goto", "--bus", bus).returncode == 2
