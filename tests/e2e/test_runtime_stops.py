@@ -62,7 +62,7 @@ def interrupt(_robot: RobotLoop, _bench: Bench) -> None:
 
 
 def break_the_mapper(robot: RobotLoop, _bench: Bench) -> None:
-    def broken(*_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         raise IndexError("no such cell")
 
     robot.mapper.update = broken  # type: ignore[method-assign, assignment]
