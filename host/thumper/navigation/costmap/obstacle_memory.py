@@ -98,9 +98,9 @@ class ObstacleMemory:
     ) -> FloatArray:
         """Add a scan's hits, shape (n, 2) [m]; return the remembered points in `map`, shape (m, 2) [m].
 
-        `scan_pose` is the robot's pose at the time of the scan; None: `map_from_base`. Of
-        the hits only `new_m`, shape (k, 2), are remembered; None: all. Sets
-        `position_error_m`, shape (m,): how far each point may be off by now.
+        `scan_pose` is the robot's pose at the time of the scan; None: `map_from_base`. Of the
+        hits only `new_m`, shape (k, 2), are remembered; None: all. Sets `position_error_m`, shape (m,): how
+        far each point may be off by now.
         """
         self._count_distance(map_from_base)
         fresh = self._times_s > time_s - self._keep_s

@@ -76,7 +76,7 @@ class UnseenGround:
         rows, cols = self._unknown_near(window, map_from_base)
         corner_m = np.array((window.origin_x_m, window.origin_y_m))
         centres_m: FloatArray = corner_m + (np.column_stack((cols, rows)) + 0.5) * window.resolution_m
-        self._remember(map_from_base, Look(self._view, scan_pose or map_from_base, hits_m))
+        self._remember(map_from_base, scan_pose or map_from_base, hits_m)
         free = self._is_free(centres_m, map_from_base)
         window.cells[rows[free], cols[free]] = FREE
         bearing_rad, range_m = self._view.bearings_and_ranges(map_from_base, centres_m)
@@ -126,7 +126,7 @@ class UnseenGround:
         near = np.hypot(rows + top - row, cols + left - col) <= half
         return rows[near] + top, cols[near] + left
 
-    def _remember(self, map_from_base: Pose2, look: Look) -> None:
+    def _remember(self, map_from_base: Pose2, scan_pose: Pose2, hits_m: FloatArray) -> None:
         """Add a visit whose pose differs from that of the newest; forget those far away."""
         last = self._visits[-1].map_from_base if self._visits else None
         if last is None or last.distance_m(map_from_base) > FIRST_AGAIN_M:
@@ -138,6 +138,7 @@ class UnseenGround:
         near = [
             visit for visit in self._visits if visit.map_from_base.distance_m(map_from_base) <= REMEMBERED_M
         ]
+        look = Look(self._view, scan_pose, hits_m)
         looked_from = next((visit.look for visit in reversed(near) if visit.look is not None), None)
         is_new = looked_from is None or look.distance_m(looked_from) >= LOOK_STEP_M
         self._visits = [*near[-REMEMBERED_POSES + 1 :], _Visit(map_from_base, look if is_new else None)]
