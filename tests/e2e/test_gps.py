@@ -77,12 +77,15 @@ def test_a_run_without_a_receiver_says_nothing_of_it(tmp_path: Path) -> None:
     assert "Earth" not in done.output
 
 
-def test_waiting_for_the_receiver_costs_no_scan() -> None:
+@pytest.mark.parametrize("start", [Pose2(), None])
+def test_waiting_for_the_receiver_costs_no_scan(start: Pose2 | None) -> None:
     config = RobotConfig(gps=GpsOptions(enabled=True))
     config = with_ports(config, board="sim://wait/board", lidar="sim://wait/lidar")
-    with open_robot(config, Pose2()) as loop:
-        loop.wait_for_map()
+    with open_robot(config, start, World.load("lab").to_grid(), datum=YARD_DATUM) as loop:
+        for _ in range(5):
+            loop.step()
         assert loop.inputs.estimator.scan_checker.counts == {}
+        assert len(loop.inputs.samples) == 1  # nothing old waits in the ports
 
 
 def test_without_a_datum_a_goal_on_earth_is_refused(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 import gc
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -60,7 +60,7 @@ from thumper.slam.mode_switch import SlamModeSwitch
 from thumper.slam.mounting import MountCheck
 from thumper.slam.saved_state import SavedSlamState
 
-FIX_TIMEOUT_S, SAMPLE_TIMEOUT_S = 60.0, 3.0
+FIX_TIMEOUT_S = 60.0
 CALIBRATION_TIMEOUT_S = 4.0  # of the gyroscope's bias, for which the robot must be stationary for a second
 GYROSCOPE_TIMEOUT_S = 1.5  # opening the port resets the board, which starts its gyroscope within 0.6 s
 
@@ -269,18 +269,19 @@ def _newest_frames(inputs: SensorInputs) -> Callable[[], list[CameraFrame]] | No
 
 
 def wait_for_fix(robot: RobotLoop) -> None:
-    """Wait for the first fix, up to a minute: similar places differ only in their position on Earth."""
-    inputs = robot.inputs
-    for feed in inputs.feeds:
-        if feed.kind is not GPS:
-            continue
-        until_s = inputs.now_s() + FIX_TIMEOUT_S
-        while inputs.now_s() < until_s:
-            with suppress(ThumperError):  # unplugged: the lidar alone goes on
-                fix = feed.sensor.device.wait_for_sample(SAMPLE_TIMEOUT_S)
-                if fix.status is not FixStatus.NONE:
-                    inputs.estimator.add_fix(fix)
-                    return
+    """Wait for the first fix, up to a minute: similar places differ only in their position on Earth.
+
+    Meanwhile the other sensors are read, so that nothing old waits in their ports. The scans are dropped: the
+    search of the map needs the fix first.
+    """
+    inputs, estimator = robot.inputs, robot.inputs.estimator
+    if all(feed.kind is not GPS for feed in inputs.feeds):
+        return
+    until_s, inputs.keep_log = inputs.now_s() + FIX_TIMEOUT_S, False
+    while inputs.now_s() < until_s and (estimator.fix is None or estimator.fix.status is FixStatus.NONE):
+        inputs.add_telemetry(inputs.board.poll(TELEMETRY_TIMEOUT_S))
+        inputs.lidar.poll()
+    inputs.keep_log = True
 
 
 def wait_for_gyroscope(board: Board) -> None:
