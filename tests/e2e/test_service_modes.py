@@ -4,6 +4,7 @@ import numpy as np
 
 from tests.e2e.service import FAR, NEAR, Service
 from thumper.runtime.requests import GoTo
+from thumper.runtime.service import slam_mode
 from thumper.slam.mode_switch import SlamModeSwitch
 
 
@@ -20,6 +21,7 @@ def test_a_stationary_robot_switches_modes(service: Service) -> None:
         "text": "the map stays fixed; the robot localizes in it",
     }
     assert service.ask("mapping/state") == {"ok": True, "mode": "localising", "lost": "", "map_doubt": ""}
+    assert str(command(service, "localise")["text"]).endswith("the robot has found its pose in it")
     frozen = mapper.grid()
     service.put(GoTo(goals=(NEAR,)))
     assert "must be stationary" in str(command(service, "map_on")["error"])
@@ -27,6 +29,10 @@ def test_a_stationary_robot_switches_modes(service: Service) -> None:
     assert service.ask("mission/state")["state"] == "reached"
     assert mapper.grid() is frozen
     assert command(service, "relocalise")["ok"]
+    mapper.relocalize()
+    assert slam_mode.change(mapper, "localise").endswith(
+        "the robot still searches for its pose: the whole map is searched for the pose"
+    )
     service.until(lambda: mapper.quality().lost == "")
     assert command(service, "map_on")["ok"]
     assert service.ask("mapping/state")["mode"] == "mapping"

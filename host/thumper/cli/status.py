@@ -64,7 +64,7 @@ def _status_text(message: Any, mapping: Mapping[str, str], wheels: Mapping[str, 
     if m.has_goal:
         lines.append(f"goal     ({m.goal_x_m:.2f}, {m.goal_y_m:.2f}), {m.distance_to_goal_m:.2f} m to go")
     if mapping:
-        lines.append("mode     " + "; ".join(filter(None, map(mapping.get, ("mode", "lost", "map_doubt")))))
+        lines.append(f"mode     {mode_text(mapping)}")
     lines.append(f"board    {m.board_state.lower().replace('_', ' ')}")
     if m.fault:
         lines.append(f"fault    {m.fault_words}: {m.fault_cure}")
@@ -80,6 +80,14 @@ def _status_text(message: Any, mapping: Mapping[str, str], wheels: Mapping[str, 
         f"recording {'on' if m.recording else 'off'}",
     ]
     return "\n".join(lines)
+
+
+def mode_text(mapping: Mapping[str, str]) -> str:
+    """Return the SLAM mode, and whether the robot knows its pose."""
+    mode, lost = mapping["mode"], mapping["lost"]
+    if mode != "mapping":
+        mode += ", searching for the pose" if lost else ", pose found"
+    return "; ".join(filter(None, (mode, lost, mapping["map_doubt"])))
 
 
 def _topics() -> list[str]:

@@ -21,8 +21,9 @@ def change(mapper: Mapper, mode: str) -> str:
         raise ThumperError("this robot's mapper cannot switch between mapping and localization")
     match mode:
         case "localise":
+            was_localizing = mapper.is_localizing
             mapper.localize()
-            return "the map stays fixed; the robot localizes in it"
+            return f"the map stays fixed; {_found(mapper) if was_localizing else 'the robot localizes in it'}"
         case "map_on":
             mapper.resume_mapping()
             return "the robot resumes mapping"
@@ -30,6 +31,11 @@ def change(mapper: Mapper, mode: str) -> str:
             mapper.relocalize()
             return "the robot searches the whole map for its pose"
     raise ThumperError(f"unknown mode {mode!r}; choose from: {', '.join(MODES)}")
+
+
+def _found(mapper: SlamModeSwitch) -> str:
+    lost = mapper.quality().lost
+    return f"the robot still searches for its pose: {lost}" if lost else "the robot has found its pose in it"
 
 
 def describe(estimator: StateEstimator) -> MappingState:

@@ -74,6 +74,7 @@ class Amcl:
         self._map_search = MapSearch()
         self._prior = NO_PRIOR
         self._found: list[PoseHypothesis] = []  # by the newest search of the whole map
+        self._beams = MIN_HITS  # of the newest scan, with a return
         self._doubt = MapDoubt()
         self._map_from_odom = Pose2()
         self._path = array("d")  # x, y, theta of each scan in turn, compact: a robot runs for days
@@ -157,8 +158,15 @@ class Amcl:
         return self._doubt.text
 
     def _lost(self) -> str:
-        if self._estimate.odom_from_base is None and not self._schedule.search:
-            return "no scan has been matched to the map yet"
+        is_unknown = self._estimate.odom_from_base is None
+        if self._beams < MIN_HITS and (is_unknown or self._schedule.search):
+            return (
+                f"only {self._beams} beams of the scan return, too few to find the pose in the map: "
+                "drive nearer to walls with `thumper teleop`"
+            )
+        if is_unknown:
+            searched = "the whole map is searched for the pose"
+            return searched if self._schedule.search else "no scan has been matched to the map yet"
         poor = LOST_AFTER if self._trust.proven else 1  # people hide the map from a scan or two
         if self._schedule.search or self._schedule.unexplained >= poor:
             return f"the map explains only {100.0 * self._estimate.explained:.0f} % of the scan"
@@ -193,11 +201,12 @@ class Amcl:
         robot in doubt weighs it again, because nothing drives it until its pose is known.
         """
         likelihood = ScanLikelihood.of(scan, twist, self._base_from_laser, self._map, self._options)
+        self._beams = likelihood.beams
         moved = self._estimate.motion(odom_from_base)
         expected = self._estimate.pose @ moved
         jumped = self._estimate.odom_from_base is None or self._schedule.search
         self._schedule.next_scan(self._trust)
-        if likelihood.beams < MIN_HITS:
+        if self._beams < MIN_HITS:
             return self._record(odom_from_base, expected, math.nan, jumped)
         self._challenge.continue_search(likelihood, odom_from_base, expected, moved)
         if not self._is_due(moved) or not self._search_done(likelihood, odom_from_base):

@@ -1,5 +1,6 @@
 """Whether the scans weighed at one place support it: to trust it, to drive by it, to map from it."""
 
+import math
 from collections import deque
 
 WINDOW = 20  # weighed scans that count
@@ -68,7 +69,9 @@ class PoseTrust:
         needed = self._needed_support()
         if not self._fits or self.confirmed or self._support() >= needed:
             return ""
-        return f"the scans support the best place by {self._support():.2f}; it needs {needed:.2f}"
+        # Rounded apart, so that they never look equal; the need may lie above its percent by rounding alone.
+        support, needed = math.floor(100.0 * self._support()), math.ceil(100.0 * needed - 1e-9)
+        return f"the scans support the best place by only {support} %; it needs {needed} %"
 
     @property
     def doubt(self) -> str:

@@ -333,6 +333,15 @@ def test_localize_cancels_resuming() -> None:
     assert robot.localizer is not None
 
 
+@pytest.mark.parametrize("start", [None, Pose2()])
+def test_open_ground_is_not_blamed_on_the_map(start: Pose2 | None) -> None:
+    localizer = Amcl(GRID, map_from_base=start)
+    scan = room_scan(Pose2())
+    few_m = np.where(np.arange(scan.ranges_m.size) < 4, scan.ranges_m, np.inf)
+    localizer.update(Pose2(), replace(scan, ranges_m=few_m), STILL)
+    assert "only 4 beams of the scan return" in localizer.quality().lost
+
+
 def test_pose_is_lost_if_places_look_alike() -> None:
     square = np.concatenate((rectangle(-2.0, -2.0, 2.0, 2.0), rectangle(4.0, -2.0, 8.0, 2.0)))
     grid = World(segments_m=square, circles_m=np.zeros((0, 3))).to_grid()

@@ -1,5 +1,6 @@
 """Trust in a place: scans that fit a map with gaps, and matches that agree with odometry or not."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +26,13 @@ def updated(
     for _ in range(count):
         trust.update(fit, 1.0, distance_m, push_m)
     return trust
+
+
+@pytest.mark.parametrize("fit", [0.7999, 0.79, 0.5, 0.001])
+def test_support_never_looks_as_large_as_what_it_needs(fit: float) -> None:
+    reason = updated(PoseTrust(trusted=False), 1, fit=fit, push_m=0.0).unconfirmed
+    support, needed = (int(number) for number in re.findall(r"(\d+) %", reason))
+    assert support < needed == 80
 
 
 def test_place_is_confirmed_by_ten_scans_over_a_metre() -> None:
