@@ -42,6 +42,6 @@ def test_a_stationary_robot_switches_modes(service: Service) -> None:
     assert np.count_nonzero(mapper.grid().cells >= 0) > np.count_nonzero(frozen.cells >= 0)
     assert command(service, "relocalise") == {
         "ok": False,
-        "error": "the robot is mapping: localize first",
+        "error": "the robot is mapping: localize first, with `thumper mode localise`",
         "option": "",
     }

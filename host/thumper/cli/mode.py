@@ -25,7 +25,7 @@ def mode(
         SlamMode,
         typer.Argument(
             help="localise: freeze the map and localize in it. map: resume mapping, also in a map loaded "
-            "with `run --map`. search: forget the pose and relocalize in the whole map."
+            "with `run --map`. search: forget the pose and relocalize in the whole map, after localise."
         ),
     ],
     config: ConfigFile = None,

@@ -21,6 +21,7 @@ from thumper.slam.mapper import DetectsKidnapping, HasParticles, MapperUpdate, P
 
 # Standard deviations of the pose that the mapper passes to the localizer.
 HANDOVER_STD_M, HANDOVER_STD_RAD = 0.1, 0.05
+LOCALIZE_FIRST = "localize first, with `thumper mode localise`"
 BANDS_PER_SCAN = 3  # of a map that is prepared for the search of a kidnapped robot: about 10 ms
 
 
@@ -153,7 +154,7 @@ class SlamModeSwitch:
             It is mapping: then the first scan has fixed the map frame.
         """
         if self.localizer is None:
-            raise ThumperError("a pose can be set in a saved map only: localize first", exit_code=EXIT_USAGE)
+            raise ThumperError(f"only a saved map takes a pose: {LOCALIZE_FIRST}", exit_code=EXIT_USAGE)
         self.localizer.set_pose(map_from_base, odom_from_base=self._odom_from_base)
 
     def set_position_prior(self, x_m: float, y_m: float, std_m: float) -> None:
@@ -170,7 +171,7 @@ class SlamModeSwitch:
             It is mapping.
         """
         if self.localizer is None:
-            raise ThumperError("the robot is mapping: localize first", exit_code=EXIT_USAGE)
+            raise ThumperError(f"the robot is mapping: {LOCALIZE_FIRST}", exit_code=EXIT_USAGE)
         self.localizer.relocalize()
 
     def resume_mapping(self) -> None:
