@@ -97,6 +97,14 @@ def test_without_a_datum_a_goal_on_earth_is_refused(tmp_path: Path) -> None:
     assert "--goal-gps needs a --map whose YAML has a datum" in str(done.exception)
 
 
+@pytest.mark.parametrize("command", [["goto", "--gps"], ["run", "--goal-gps"]])
+def test_a_place_that_is_not_on_earth_is_a_usage_error(command: list[str]) -> None:
+    done = CliRunner().invoke(build_app(), [*command, "95.0", "11.0"])
+    assert isinstance(done.exception, ThumperError)
+    assert done.exception.exit_code == 2
+    assert "latitude is -90...90 degrees" in str(done.exception)
+
+
 def test_a_running_robot_without_a_receiver_drives_to_a_place_on_earth(tmp_path: Path) -> None:
     save_map(World.load("lab").to_grid(), tmp_path / "other.yaml", MapDatum(-33.0, 151.0, 0.0))
     config = RobotConfig(recording=RecordingOptions(folder=str(tmp_path)))
@@ -113,7 +121,7 @@ def test_a_running_robot_without_a_receiver_drives_to_a_place_on_earth(tmp_path:
         service.put(RobotCommand(name="cancel"))
         service.until(lambda: service.mode == "idle")
         assert service.ask("library/load", {"name": "other"})["ok"]
-        assert "farther than 1000 m" in service.ask("mission/send", at_m)["error"]
+        assert "km from the map's origin" in service.ask("mission/send", at_m)["error"]
 
 
 def test_goto_sends_a_running_robot_to_a_place_on_earth(

@@ -98,14 +98,13 @@ def goto(
 def _on_earth(place: tuple[float, float], tolerance_m: float, *, is_alone: bool) -> "SendMission":
     """Return the request to drive to a place on Earth; raise ThumperError if there is another goal, too."""
     from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.gps.local_plane import LatLon
     from thumper.ros.services import SendMission
 
     if not is_alone:
         raise ThumperError("--gps is the goal: leave out X, Y and PLACE", exit_code=EXIT_USAGE)
-    if not all(map(math.isfinite, place)):
-        raise ThumperError("--gps takes latitude and longitude in degrees", exit_code=EXIT_USAGE)
-    latitude_deg, longitude_deg = place
-    return SendMission(latitude_deg=latitude_deg, longitude_deg=longitude_deg, tolerance_m=tolerance_m)
+    LatLon(*place).check()
+    return SendMission(**LatLon(*place)._asdict(), tolerance_m=tolerance_m)
 
 
 def _position(x_m: float, y_m: float | None, yaw_deg: float | None, tolerance_m: float) -> "SendMission":

@@ -207,10 +207,10 @@ def _place_of(
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.gps.local_plane import LatLon
     from thumper.maps.map_server_io import load_datum
+    from thumper.runtime.requests import place_in_map
 
     place = LatLon(*goal_gps)
-    if not place.is_valid:
-        raise ThumperError("--goal-gps takes latitude and longitude in degrees", exit_code=EXIT_USAGE)
+    place.check()
     if goal is not None:
         raise ThumperError("--goal and --goal-gps are both goals: pass only one", exit_code=EXIT_USAGE)
     datum = None if saved_map is None else load_datum(saved_map)
@@ -219,7 +219,7 @@ def _place_of(
             "--goal-gps needs a --map whose YAML has a datum; a run with [gps] saves one",
             exit_code=EXIT_USAGE,
         )
-    return datum.to_map(place)
+    return place_in_map(place, datum)
 
 
 def _parse_place(text: str) -> tuple[float, float]:

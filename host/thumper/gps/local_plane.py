@@ -8,11 +8,15 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from thumper.common.errors import EXIT_USAGE, ThumperError
+
 SEMI_MAJOR_M = 6_378_137.0
+MEAN_RADIUS_M = 6_371_009.0
 ECCENTRICITY_2 = 6.694_379_990_14e-3
 CONVERGED_DEG = 1e-11  # a micrometre
 MAX_STEPS = 20
 MAX_DISTANCE_M = 100e3  # from the datum
+EXCHANGED = "; did you exchange latitude and longitude?"
 
 
 class LatLon(NamedTuple):
@@ -25,6 +29,30 @@ class LatLon(NamedTuple):
     def is_valid(self) -> bool:
         """Whether it is a place on Earth."""
         return abs(self.latitude_deg) <= 90.0 and abs(self.longitude_deg) <= 180.0
+
+    @property
+    def exchanged(self) -> "LatLon":
+        """The place with latitude and longitude exchanged, which may not be on Earth."""
+        return LatLon(self.longitude_deg, self.latitude_deg)
+
+    def check(self) -> None:
+        """Raise ThumperError if it is not a place on Earth."""
+        if not self.is_valid:
+            hint = EXCHANGED if self.exchanged.is_valid else ""
+            raise ThumperError(
+                f"{self.latitude_deg:g} {self.longitude_deg:g} is not a place on Earth: latitude is -90...90 "
+                f"degrees, longitude -180...180{hint}",
+                exit_code=EXIT_USAGE,
+            )
+
+    def distance_m(self, other: "LatLon") -> float:
+        """Return the distance along the surface [m], as on a sphere (haversine): within 0.6 %."""
+        (latitude, longitude), (to_latitude, to_longitude) = (
+            map(math.radians, place) for place in (self, other)
+        )
+        across = math.cos(latitude) * math.cos(to_latitude) * math.sin(0.5 * (to_longitude - longitude)) ** 2
+        half_chord = math.sqrt(math.sin(0.5 * (to_latitude - latitude)) ** 2 + across)
+        return 2.0 * MEAN_RADIUS_M * math.asin(min(1.0, half_chord))
 
     def __str__(self) -> str:
         return f"{self.latitude_deg:.6f} {self.longitude_deg:.6f}"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import read_bytes, write_text, write_whole
 from thumper.gps.earth_reference import MapDatum
+from thumper.gps.local_plane import LatLon
 from thumper.maps.edit import rotate
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
@@ -127,7 +128,7 @@ def load_datum(yaml_path: Path) -> MapDatum | None:
         latitude_deg, longitude_deg, yaw_rad = map(float, match[1].split(","))
     except ValueError:
         latitude_deg = longitude_deg = yaw_rad = math.nan
-    if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0 and abs(yaw_rad) <= math.tau):
+    if not (LatLon(latitude_deg, longitude_deg).is_valid and abs(yaw_rad) <= math.tau):
         raise ThumperError(
             f"{yaml_path}: datum = [{match[1]}] is not [latitude_deg, longitude_deg, yaw_rad]; correct it",
             exit_code=EXIT_USAGE,

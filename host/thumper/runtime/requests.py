@@ -9,9 +9,9 @@ from typing import Any
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.gps.earth_reference import MapDatum
-from thumper.gps.local_plane import LatLon
+from thumper.gps.local_plane import EXCHANGED, LatLon
 from thumper.maps.annotations import Annotations
-from thumper.navigation.goal import Goal, check_place
+from thumper.navigation.goal import FARTHEST_M, Goal, check_place
 
 MAX_WAYPOINTS = 200
 MAX_LEGS = 2000  # of all rounds
@@ -64,14 +64,29 @@ def parse_goal(
 def _in_map(content: Mapping[str, Any], datum: MapDatum | None) -> dict[str, Any]:
     """Return a goal on Earth with x_m and y_m; raise ThumperError if the map has no place on Earth."""
     numbers = [content.get(name) for name in EARTH]
-    place = LatLon(*(float(value) if isinstance(value, int | float) else math.nan for value in numbers))
-    if {"x_m", "y_m", "place"} & set(content) or not place.is_valid:
-        raise ThumperError("a goal on Earth has latitude_deg, -90...90, and longitude_deg, -180...180")
+    are_numbers = all(isinstance(value, int | float) for value in numbers)
+    if {"x_m", "y_m", "place"} & set(content) or not are_numbers:
+        raise ThumperError("a goal on Earth has latitude_deg and longitude_deg, both numbers, as its place")
+    place = LatLon(*(float(value or 0.0) for value in numbers))
+    place.check()
     if datum is None:
         raise ThumperError(NO_DATUM)
-    x_m, y_m = datum.to_map(place)
-    check_place(f"the place {place} on Earth", x_m, y_m)
+    x_m, y_m = place_in_map(place, datum)
     return {name: value for name, value in content.items() if name not in EARTH} | {"x_m": x_m, "y_m": y_m}
+
+
+def place_in_map(place: LatLon, datum: MapDatum) -> tuple[float, float]:
+    """Return x and y of a place on Earth [m]; raise ThumperError if it is too far from the map."""
+    origin = LatLon(datum.latitude_deg, datum.longitude_deg)
+    distance_m = origin.distance_m(place)
+    if distance_m > FARTHEST_M:
+        hint = EXCHANGED if origin.distance_m(place.exchanged) <= FARTHEST_M else ""
+        raise ThumperError(
+            f"the place {place} is {distance_m / 1000.0:.1f} km from the map's origin; the farthest goal is "
+            f"{FARTHEST_M / 1000.0:g} km away{hint}",
+            exit_code=EXIT_USAGE,
+        )
+    return datum.to_map(place)
 
 
 def parse_goals(

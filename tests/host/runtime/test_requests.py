@@ -1,11 +1,12 @@
 """A goal in a request is checked field by field."""
 
 import math
+import re
 from typing import Any
 
 import pytest
 
-from thumper.common.errors import ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.gps.earth_reference import MapDatum
 from thumper.maps.annotations import Annotations, SavedPlace
 from thumper.navigation.goal import Goal
@@ -63,17 +64,31 @@ def test_a_place_on_earth_is_a_goal_in_a_map_with_a_datum() -> None:
     assert parse_goals({"goals": [there]}, SAVED, datum)[0] == (goal,)
     with pytest.raises(ThumperError, match="the map has no place on Earth: it needs a datum"):
         parse_goal(there)
-    with pytest.raises(
-        ThumperError, match=r"the place 48\.100000 11\.000000 on Earth .* is farther than 1000 m"
-    ):
-        parse_goal({**there, "latitude_deg": 48.1}, datum=datum)
+
+
+@pytest.mark.parametrize(
+    ("latitude_deg", "longitude_deg", "why"),
+    [
+        (48.1, 11.0, "48.100000 11.000000 is 11.1 km from the map's origin; the farthest goal is 1 km away"),
+        (-48.0, -169.0, "is 20015.1 km from"),  # the other side of the Earth, below the plane's origin
+        (11.0, 48.0, "did you exchange latitude and longitude?"),
+        (95.0, 11.0, "95 11 is not a place on Earth: latitude is -90...90 degrees, longitude -180...180"),
+    ],
+)
+def test_a_place_too_far_is_refused_with_its_distance(
+    latitude_deg: float, longitude_deg: float, why: str
+) -> None:
+    there = {"latitude_deg": latitude_deg, "longitude_deg": longitude_deg}
+    with pytest.raises(ThumperError, match=re.escape(why)) as refused:
+        parse_goal(there, datum=MapDatum(48.0, 11.0, 0.0))
+    assert refused.value.exit_code == EXIT_USAGE
 
 
 @pytest.mark.parametrize(
     "wrong", [{"latitude_deg": 91.0}, {"longitude_deg": "11"}, {"longitude_deg": math.nan}, {"x_m": 1.0}]
 )
 def test_a_wrong_place_on_earth_is_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(ThumperError, match="a goal on Earth has latitude_deg"):
+    with pytest.raises(ThumperError, match=r"a goal on Earth has latitude_deg|not a place on Earth"):
         parse_goal({"latitude_deg": 48.0, "longitude_deg": 11.0} | wrong, datum=MapDatum(48.0, 11.0, 0.0))
 
 
