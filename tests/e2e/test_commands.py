@@ -42,7 +42,8 @@ def test_goto_waits_for_arrival(thumper: Run, bus: str) -> None:
     assert "reached: at the goal (1.20, 0.05)" in done.stdout
     status = json.loads(thumper("status", "--json", "--bus", bus).stdout)
     assert (status["robot"], status["simulated"], status["has_goal"]) == ("thumper", True, False)
-    assert "\nmode     mapping\n" in thumper("status", "--bus", bus).stdout
+    assert "\nmode     mapping\n" in (text := thumper("status", "--bus", bus).stdout)
+    assert "earth" not in text
 
 
 def test_without_a_datum_a_goal_on_earth_is_refused_in_one_line(thumper: Run, bus: str) -> None:
@@ -51,7 +52,7 @@ def test_without_a_datum_a_goal_on_earth_is_refused_in_one_line(thumper: Run, bu
     (line,) = done.stderr.strip().splitlines()
     assert line.endswith(
         "the map has no place on Earth: it needs a datum in its YAML, "
-        "or [gps] and a drive of 1 to 2 m with RTK, else of 30 m"
+        "or [gps] and a drive with a fix, of 1 to 2 m with RTK, else of 30 m and more"
     )
     assert thumper("goto", "1.2", "--gps", "48.0", "11.0", "--bus", bus).returncode == 2
     assert thumper("goto", "--bus", bus).returncode == 2

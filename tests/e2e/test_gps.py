@@ -143,6 +143,13 @@ def test_goto_sends_a_running_robot_to_a_place_on_earth(
         watched = thumper("watch", "pose", "--count", "1", "--json", "--bus", address)
         at = json.loads(watched.stdout)["pose"]["pose"]["position"]
         assert math.dist((at["x"], at["y"]), (1.23, 0.08)) < 0.15
+        shown = thumper("status", "--bus", address).stdout
+        assert "\nearth    the map's origin is at 48.262500 11.668000, its x axis 90 degrees from" in shown
+        watch = [*END_WITH_PARENT, str(THUMPER), "watch", "gps_odom", "--bus", address]
+        with subprocess.Popen(watch, stderr=subprocess.PIPE, text=True) as watching:
+            assert watching.stderr is not None
+            assert "no messages on gps_odom yet: it has no GPS ([gps] enab" in watching.stderr.readline()
+            watching.send_signal(signal.SIGINT)
     finally:
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=20)

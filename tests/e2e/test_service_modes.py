@@ -20,7 +20,8 @@ def test_a_stationary_robot_switches_modes(service: Service) -> None:
         "ok": True,
         "text": "the map stays fixed; the robot localizes in it",
     }
-    assert service.ask("mapping/state") == {"ok": True, "mode": "localising", "lost": "", "map_doubt": ""}
+    state = {"mode": "localising", "lost": "", "map_doubt": "", "datum": "", "gps": "off"}
+    assert service.ask("mapping/state") == {"ok": True, **state}
     assert str(command(service, "localise")["text"]).endswith("the robot has found its pose in it")
     frozen = mapper.grid()
     service.put(GoTo(goals=(NEAR,)))

@@ -15,6 +15,8 @@ from thumper.cli.options.common import AsJson, BusAddress, ConfigFile, RobotName
 if TYPE_CHECKING:
     import queue
 
+    from thumper.bus.client import BusClient
+
 STATUS_TIMEOUT_S = 3.0
 POLL_PERIOD_S = 0.5
 MAX_QUEUED = 100
@@ -65,6 +67,7 @@ def _status_text(message: Any, mapping: Mapping[str, str], wheels: Mapping[str, 
         lines.append(f"goal     ({m.goal_x_m:.2f}, {m.goal_y_m:.2f}), {m.distance_to_goal_m:.2f} m to go")
     if mapping:
         lines.append(f"mode     {mode_text(mapping)}")
+        lines += [f"earth    {text}"] if (text := earth_text(mapping)) else []
     lines.append(f"board    {m.board_state.lower().replace('_', ' ')}")
     if m.fault:
         lines.append(f"fault    {m.fault_words}: {m.fault_cure}")
@@ -88,6 +91,12 @@ def mode_text(mapping: Mapping[str, str]) -> str:
     if mode != "mapping":
         mode += ", searching for the pose" if lost else ", pose found"
     return "; ".join(filter(None, (mode, lost, mapping["map_doubt"])))
+
+
+def earth_text(mapping: Mapping[str, str]) -> str:
+    """Return the map's place on Earth, and what the GPS lacks; empty without either."""
+    gps = mapping["gps"]
+    return "; ".join(filter(None, (mapping["datum"], "" if gps in ("off", "ok") else gps)))
 
 
 def _topics() -> list[str]:
@@ -135,7 +144,8 @@ def watch(
                 except queue.Empty:
                     if heartbeat.has_received and not (printed or hint_printed):
                         hint_printed = True
-                        hint = f"robot {client.robot!r} is running; no messages on {topic} yet"
+                        why = _why_silent(client, topic)
+                        hint = f"robot {client.robot!r} is running; no messages on {topic} yet{why}"
                         report_to_stderr(f"{hint} (Ctrl-C to stop)")
                     heartbeat.check()
                     continue
@@ -144,6 +154,21 @@ def watch(
                 printed += 1
         except KeyboardInterrupt:
             pass
+
+
+def _why_silent(client: "BusClient", topic: str) -> str:
+    """Return why nothing comes on a topic, as far as the robot knows it."""
+    from thumper.common.errors import ThumperError
+    from thumper.ros import services
+
+    if topic not in ("gps", "gps_odom"):
+        return ""
+    gps = "ok"
+    with suppress(ThumperError):  # a robot that waits for its board answers no queries
+        gps = services.MAPPING_STATE.call(client).gps
+    if gps == "off":
+        return ": it has no GPS ([gps] enabled = true in its configuration)"
+    return f": {gps}" if gps != "ok" and topic == "gps_odom" else ""
 
 
 def _enqueue(messages: "queue.Queue[Any]", message: Any) -> None:

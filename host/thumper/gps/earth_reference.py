@@ -11,6 +11,7 @@ from thumper.gps.navsat_filter import MIN_STD_M, NavsatFilter
 from thumper.gps.options import GpsOptions
 
 DATUM_STD_RAD = 0.1  # of the map's direction, or it is not saved
+DRIVE_TO_FIND_IT = "a drive with a fix, of 1 to 2 m with RTK, else of 30 m and more"
 
 
 class MapDatum(NamedTuple):
@@ -19,6 +20,12 @@ class MapDatum(NamedTuple):
     latitude_deg: float
     longitude_deg: float
     yaw_rad: float
+
+    @property
+    def text(self) -> str:
+        """The place for people."""
+        at = LatLon(self.latitude_deg, self.longitude_deg)
+        return f"the map's origin is at {at}, its x axis {math.degrees(self.yaw_rad):.0f} degrees from east"
 
     def to_map(self, place: LatLon) -> tuple[float, float]:
         """Return x and y of a place in the map [m]."""

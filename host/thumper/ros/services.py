@@ -81,6 +81,8 @@ class MappingState:
     mode: Annotated[str, "mapping, localising"]
     lost: Annotated[str, "why the pose is lost; empty if it is not"]
     map_doubt: Annotated[str, "why the map is in doubt; empty if it is not"]
+    datum: Annotated[str, "the map's place on Earth; empty if it is unknown"]
+    gps: Annotated[str, "off, ok, or what it lacks for a position in the map"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,7 +238,7 @@ MISSION_STATE = Service(
 )
 MAPPING_STATE = Service(
     name="mapping/state",
-    summary="returns the mode, and whether pose and map can be trusted",
+    summary="returns the mode, whether pose and map can be trusted, and the map's place on Earth",
     request=Empty,
     reply=MappingState,
 )

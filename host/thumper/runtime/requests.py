@@ -8,7 +8,7 @@ from typing import Any
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, Twist2
-from thumper.gps.earth_reference import MapDatum
+from thumper.gps.earth_reference import DRIVE_TO_FIND_IT, MapDatum
 from thumper.gps.local_plane import EXCHANGED, LatLon
 from thumper.maps.annotations import Annotations
 from thumper.navigation.goal import FARTHEST_M, Goal, check_place
@@ -17,10 +17,7 @@ MAX_WAYPOINTS = 200
 MAX_LEGS = 2000  # of all rounds
 MAX_WAIT_S = 3600.0  # at a waypoint
 EARTH = ("latitude_deg", "longitude_deg")
-NO_DATUM = (
-    "the map has no place on Earth: it needs a datum in its YAML, or [gps] and a drive of 1 to 2 m with RTK, "
-    "else of 30 m"
-)
+NO_DATUM = f"the map has no place on Earth: it needs a datum in its YAML, or [gps] and {DRIVE_TO_FIND_IT}"
 
 
 def parse_goal(

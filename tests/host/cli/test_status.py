@@ -2,7 +2,7 @@
 
 import pytest
 
-from thumper.cli.status import mode_text
+from thumper.cli.status import earth_text, mode_text
 
 
 @pytest.mark.parametrize(
@@ -16,3 +16,17 @@ from thumper.cli.status import mode_text
 )
 def test_it_shows_whether_the_pose_is_found(mode: str, lost: str, text: str) -> None:
     assert mode_text({"mode": mode, "lost": lost, "map_doubt": ""}) == text
+
+
+@pytest.mark.parametrize(
+    ("datum", "gps", "text"),
+    [
+        ("", "off", ""),
+        ("at 48 11", "off", "at 48 11"),
+        ("at 48 11", "ok", "at 48 11"),
+        ("", "the GPS has no fix", "the GPS has no fix"),
+        ("at 48 11", "the GPS has no fix", "at 48 11; the GPS has no fix"),
+    ],
+)
+def test_it_shows_the_place_on_earth_of_a_robot_that_may_have_one(datum: str, gps: str, text: str) -> None:
+    assert earth_text({"datum": datum, "gps": gps}) == text

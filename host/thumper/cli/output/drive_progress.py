@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
+from thumper.gps.earth_reference import DRIVE_TO_FIND_IT
 from thumper.ros.codec import Message
 from thumper.ros.to_ros import WARN
 from thumper.runtime.drive.legs import AnyLeg, Wait
@@ -81,10 +82,7 @@ def print_warnings(robot: RobotLoop, console: Console) -> None:
     lines = list(estimator.warnings().values())
     has_gps = any(feed.kind is GPS for feed in robot.inputs.feeds)
     if has_gps and estimator.map_datum() is None:
-        lines.append(
-            "the place of the map on Earth is unknown: that takes a drive with a fix, "
-            "of 1 to 2 m with RTK, else of 30 m and more"
-        )
+        lines.append(f"the place of the map on Earth is unknown: that takes {DRIVE_TO_FIND_IT}")
     for line in lines:
         console.print(f"note: {line}", markup=False, soft_wrap=True)
 

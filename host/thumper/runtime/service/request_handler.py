@@ -245,7 +245,7 @@ class RequestHandler:
                 _bind(services.MISSION_SEND, self._send_mission),
                 _bind(services.MISSION_FOLLOW, self._follow_mission),
                 _bind(services.MISSION_STATE, lambda find, _: self._missions.state(find.mission)),
-                _bind(services.MAPPING_STATE, lambda _, __: slam_mode.describe(self._inputs.estimator)),
+                _bind(services.MAPPING_STATE, lambda _, __: slam_mode.describe(self._inputs)),
                 _bind(services.WHEELS_STATE, lambda _, __: wheels.describe(self._inputs.estimator)),
                 _bind(services.ANNOTATION_ADD, self.annotations.add),
                 _bind(services.ANNOTATION_REMOVE, self.annotations.remove),

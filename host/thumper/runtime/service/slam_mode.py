@@ -1,8 +1,11 @@
 """Switches between mapping and localization: the commands `localise`, `map_on` and `relocalise`."""
 
 from thumper.common.errors import ThumperError
+from thumper.gps.earth_reference import DRIVE_TO_FIND_IT, MapDatum
+from thumper.gps.fix import FixStatus
 from thumper.ros.services import MappingState
-from thumper.runtime.state_estimator import StateEstimator
+from thumper.runtime.sensor_inputs import SensorInputs
+from thumper.runtime.sensor_table import GPS
 from thumper.slam.mapper import Mapper
 from thumper.slam.mode_switch import SlamModeSwitch
 
@@ -38,11 +41,23 @@ def _found(mapper: SlamModeSwitch) -> str:
     return f"the robot still searches for its pose: {lost}" if lost else "the robot has found its pose in it"
 
 
-def describe(estimator: StateEstimator) -> MappingState:
-    """Return the mode, and why pose and map must not be trusted (empty if they can)."""
-    mapper, state = estimator.mapper, estimator.state()
+def describe(inputs: SensorInputs) -> MappingState:
+    """Return the mode, why pose and map must not be trusted (empty if they can), and the place on Earth."""
+    estimator = inputs.estimator
+    mapper, state, datum = estimator.mapper, estimator.state(), estimator.map_datum()
     return MappingState(
         mode=mapper.mode if isinstance(mapper, SlamModeSwitch) else "mapping",
         lost=state.lost if state else "",
         map_doubt=estimator.map_doubt,
+        datum=datum.text if datum else "",
+        gps=_gps_state(inputs, datum),
     )
+
+
+def _gps_state(inputs: SensorInputs, datum: MapDatum | None) -> str:
+    fix = inputs.estimator.fix
+    if all(feed.kind is not GPS for feed in inputs.feeds):
+        return "off"
+    if fix is None or fix.status is FixStatus.NONE:
+        return "the GPS has no fix"
+    return "ok" if datum else f"the place of the map on Earth is unknown: that takes {DRIVE_TO_FIND_IT}"
