@@ -157,6 +157,7 @@ class StateEstimator:
         by_gps = self.earth.map_from_odom(better_than_m=drift_m)
         if by_gps is not None:
             self._corrected_from_odom = self.mapper.map_from_odom.inverse() @ by_gps
+            self._slip_detector.reset()  # the pose moves, and not by the wheels
             self._mapped_var_rad2 = self._heading_var_rad2() - self.earth.heading_var_rad2
 
     def add_frame(self, frame: CameraFrame) -> None:

@@ -11,7 +11,7 @@ from benchmarks.shared.telemetry import telemetry_sample
 from thumper.board.board import TelemetrySample
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.kinematics import DriveGeometry
-from thumper.gps.earth_reference import EarthReference
+from thumper.gps.earth_reference import EarthReference, MapDatum
 from thumper.gps.fix import Fix, FixStatus
 from thumper.gps.local_plane import EastNorth, LatLon, LocalPlane
 from thumper.gps.options import GpsOptions
@@ -21,7 +21,7 @@ from thumper.lidar.scan import Scan
 from thumper.lidar.scan_checks import ScanDefect
 from thumper.runtime.state_estimator import StateEstimator
 from thumper.slam.grid.grid_mapper import GridMapper
-from thumper.slam.mapper import MapperUpdate
+from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.mode_switch import SlamModeSwitch
 from thumper_hil.world.world import World
 
@@ -289,6 +289,35 @@ def test_the_error_of_a_turn_counts_from_the_newest_matched_scan(has_gyroscope: 
     assert max(again) < 0.003
 
 
+def rtk(time_s: float, place: LatLon) -> Fix:
+    variances_m2 = (1e-4, 1e-4, 1e-3)
+    return Fix(time_s=time_s, status=FixStatus.RTK, variances_m2=variances_m2, **place._asdict())
+
+
+class AlongWall(GridMapper):
+    """Matches each scan to a wall that does not fix the position."""
+
+    def update(self, odom_from_base: Pose2, *_: Any, **__: Any) -> MapperUpdate:
+        return MapperUpdate(map_from_base=odom_from_base, match_score=0.9, integrated=True)
+
+    def quality(self) -> PoseQuality:
+        return PoseQuality(covariance=np.eye(3), explained=0.9, lost="no wall", has_drifted=True)
+
+
+def test_a_correction_by_gps_is_not_blamed_on_the_wheels() -> None:
+    """The map's datum says that the robot is half a metre beside the pose that it started with."""
+    earth = EarthReference(GpsOptions(), MapDatum(48.0, 11.0, 0.0))
+    robot = StateEstimator(drive=DRIVE, base_from_laser=LASER, mapper=AlongWall(), earth=earth)
+    plane, counts = LocalPlane(LatLon(48.0, 11.0)), round(0.1 / M_PER_COUNT)
+    for k in range(100):
+        time_s = 0.2 * k
+        robot.add_telemetry(telemetry(time_s, counts * k, counts * k))
+        robot.add_scan(scan(time_s - 0.15, [Pose2()] * 100))
+        robot.add_fix(rtk(time_s, plane.to_earth(EastNorth(counts * k * M_PER_COUNT, 0.5))))
+    assert robot.map_from_odom.y_m == pytest.approx(0.5, abs=0.1)
+    assert "SLIP" not in robot.warnings()
+
+
 @pytest.mark.parametrize("has_gps", [False, True])
 def test_on_open_ground_a_robot_is_lost_without_gps_only(has_gps: bool) -> None:
     """It drives 30 m east, and nothing returns."""
@@ -303,14 +332,7 @@ def test_on_open_ground_a_robot_is_lost_without_gps_only(has_gps: bool) -> None:
         seen = scan(time_s - 0.15, [Pose2()] * 100)
         robot.add_scan(replace(seen, ranges_m=np.full(100, np.nan)) if k > 2 else seen)
         place = plane.to_earth(EastNorth(counts * k * M_PER_COUNT, 0.0))
-        rtk = Fix(
-            time_s=time_s,
-            status=FixStatus.RTK,
-            latitude_deg=place.latitude_deg,
-            longitude_deg=place.longitude_deg,
-            variances_m2=(1e-4, 1e-4, 1e-3),
-        )
-        robot.add_fix(rtk)
+        robot.add_fix(rtk(time_s, place))
     assert robot.mapper.quality().has_drifted
     state = robot.state()
     assert state is not None
