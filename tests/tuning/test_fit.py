@@ -11,6 +11,7 @@ from thumper_tuning.identify.fit import fit_motor
 from thumper_tuning.identify.motor import IdentifiedMotor, identify
 from thumper_tuning.identify.segments import split_segments
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
+from thumper_tuning.report.text import motor_lines
 
 ROWS = 600
 
@@ -54,6 +55,14 @@ def test_an_unknown_delay_is_identified(delay_s: float) -> None:
     motor = identify([make_log(wheel, 4)])
     assert_found(motor, wheel)
     assert motor.model.delay_s == pytest.approx(delay_s, abs=0.004)
+
+
+def test_a_friction_that_rounds_to_zero_has_no_sign() -> None:
+    motor = identify([make_log(Wheel(), 4)])
+    none = replace(motor.model, friction_forward=-0.001, friction_backward=0.0)
+    printed = "\n".join(motor_lines(replace(motor, model=none)))
+    assert "static friction       0.00 +- " in printed
+    assert "-0.00" not in printed
 
 
 def test_different_frictions_per_direction_are_identified() -> None:

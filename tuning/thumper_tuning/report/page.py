@@ -231,9 +231,9 @@ def _motor_table(motor: IdentifiedMotor) -> str:
         [
             ["gain", f"{model.gain:.5g}", f"{std.gain:.2g}", f"rad/s per {unit}"],
             ["time constant", f"{model.time_constant_s:.4f}", f"{std.time_constant_s:.2g}", "s"],
-            ["static friction, mean", f"{model.friction:.2f}", f"{std.friction:.2g}", unit],
+            ["static friction, mean", f"{model.friction:z.2f}", f"{std.friction:.2g}", unit],
             *[
-                [f"... {direction}", f"{found[0]:.2f}", f"{found[1]:.2g}", unit]
+                [f"... {direction}", f"{found[0]:z.2f}", f"{found[1]:.2g}", unit]
                 if found is not None
                 else [f"... {direction}", "not determined", "", ""]
                 for direction, found in motor.friction_by_direction.items()

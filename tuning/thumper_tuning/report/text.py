@@ -20,7 +20,7 @@ def motor_lines(motor: IdentifiedMotor) -> list[str]:
     unit = motor.unit.name if motor.unit is DriveUnit.PWM else motor.unit.value
     kinds = ", ".join(f"{kind} {percent:.1f}" for kind, percent in motor.fit_percent_by_kind.items())
     directions = ", ".join(
-        f"{direction} {found[0]:.2f}" if found is not None else f"{direction} not determined"
+        f"{direction} {found[0]:z.2f}" if found is not None else f"{direction} not determined"
         for direction, found in motor.friction_by_direction.items()
     )
     window = []
@@ -31,7 +31,7 @@ def motor_lines(motor: IdentifiedMotor) -> list[str]:
         f"(each stretch about its own mean: {kinds})",
         f"  gain             {model.gain:9.5f} +- {std.gain:.5f} rad/s per {unit}",
         f"  time constant    {model.time_constant_s:9.4f} +- {std.time_constant_s:.4f} s",
-        f"  static friction  {model.friction:9.2f} +- {std.friction:.2f} {unit} ({directions})",
+        f"  static friction  {model.friction:z9.2f} +- {std.friction:.2f} {unit} ({directions})",
         f"  delay            {model.delay_s:9.4f} +- {std.delay_s:.4f} s",
         *window,
         *[f"  note: {warning}" for warning in motor.warnings],
@@ -66,7 +66,7 @@ def motor_summary(motor: IdentifiedMotor) -> list[str]:
     return [
         f"{motor.name}: gain {model.gain:.5f} +- {std.gain:.5f} rad/s per PWM, time constant "
         f"{model.time_constant_s:.4f} +- {std.time_constant_s:.4f} s, static friction "
-        f"{model.friction:.1f} +- {std.friction:.1f} PWM; predicts {motor.validation.fit_percent:.1f} %",
+        f"{model.friction:z.1f} +- {std.friction:.1f} PWM; predicts {motor.validation.fit_percent:.1f} %",
         *[f"note: {warning}" for warning in motor.warnings],
     ]
 
