@@ -28,6 +28,10 @@ from thumper.lidar.urg04lx import Urg04LxDriver
 EXPECTED_HZ = 10.0
 SCAN_TIMEOUT_S = 2.0
 RETURN_SHARE_WARN = 0.2
+FEW_RETURNS = (
+    "in a room, its window may be covered; outdoors this is normal, but here no scan can be matched: "
+    "the pose follows wheels and GPS, and a start with --map needs walls in range"
+)
 
 
 def _found_instead(config: LidarOptions) -> str:
@@ -78,9 +82,7 @@ def check_lidar(config: LidarOptions, *, seconds: float) -> Iterator[Check]:
         yield Check(
             verdict="warn" if share < RETURN_SHARE_WARN else "pass",
             what=f"lidar {config.port}: {scans[-1].ranges_m.size} beams, {100 * share:.0f} % with a return",
-            fix="is its window covered, or is the room larger than its range?"
-            if share < RETURN_SHARE_WARN
-            else "",
+            fix=FEW_RETURNS if share < RETURN_SHARE_WARN else "",
         )
     except ThumperError as error:
         yield Check(verdict="fail", what="lidar", fix=str(error))

@@ -39,6 +39,12 @@ def test_a_healthy_robot_passes() -> None:
         assert line(checks, f"{side} motor forward")["verdict"] == "pass"
 
 
+def test_open_ground_is_no_defect_and_the_doctor_says_what_it_means() -> None:
+    code, checks = diagnose("--board", "sim://d5/board?world=yard&y_m=-8", "--lidar", "sim://d5/lidar")
+    assert code == 0
+    assert "outdoors this is normal, but here no scan can be matched" in line(checks, "with a return")["fix"]
+
+
 def test_wheels_do_not_turn_without_consent() -> None:
     code, checks = diagnose("--board", "sim://d2/board", "--spin", answer="n\n")
     assert code == 0
