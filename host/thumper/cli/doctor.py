@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from thumper.cli.options.common import AsJson, BoardPort, ConfigFile, LidarPort
+from thumper.cli.output.stderr_report import report_unused_ports
 from thumper.doctor.check import Check
 
 
@@ -55,7 +56,9 @@ def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: b
     from thumper.doctor.sensor_checks import check_sensors
     from thumper.doctor.usb_ports import KNOWN_USB
 
-    settings = with_ports(load_config(config), board=board, lidar=lidar)
+    configured = load_config(config)
+    settings = with_ports(configured, board=board, lidar=lidar)
+    report_unused_ports(configured, settings)
     yield from _computer()
     yield from _ports()
     yield from check_set_up(KNOWN_USB)

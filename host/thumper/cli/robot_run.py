@@ -9,15 +9,15 @@ from pathlib import Path
 from rich.console import Console
 
 from thumper.bus.serve_robot import on_bus, on_bus_if_free
-from thumper.cli.options.bus import report_to_stderr
 from thumper.cli.options.record import recorded
 from thumper.cli.output.compile_progress import compile_progress
 from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
 from thumper.cli.output.folder import prepare_output
+from thumper.cli.output.stderr_report import report_unused_ports
 from thumper.cli.resume import AUTOSAVE, autosaved, load_interrupted, set_aside_interrupted
 from thumper.cli.start_map import load_start_map
 from thumper.common.geometry import Pose2
-from thumper.config.robot import RobotConfig, load_config, unused_ports, with_ports
+from thumper.config.robot import RobotConfig, load_config, with_ports
 from thumper.dashboard.process import dashboard_process
 from thumper.maps.annotations import annotations_path, load_annotations
 from thumper.maps.map_server_io import load_datum
@@ -65,8 +65,7 @@ class RunOptions:
             check_place("--start", *self.start[:2])
         configured = load_config(self.config)
         settings = with_ports(configured, board=self.board, lidar=self.lidar)
-        if settings.board.port.startswith("sim:") and (unused := unused_ports(configured, settings)):
-            report_to_stderr(f"the simulated board brings its own sensors; not used: {', '.join(unused)}")
+        report_unused_ports(configured, settings)
         if self.bus:
             settings = replace(settings, bus=settings.bus.at(self.bus))
         prepare_output(self.out)

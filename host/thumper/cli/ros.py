@@ -4,8 +4,9 @@ from typing import Annotated
 
 import typer
 
-from thumper.cli.options.bus import connect, report_to_stderr
+from thumper.cli.options.bus import connect
 from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
+from thumper.cli.output.stderr_report import report_to_stderr
 
 CHECK_PERIOD_S = 0.5
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from thumper.cli.options.bus import connect, report_to_stderr
+from thumper.cli.options.bus import connect
 from thumper.cli.options.common import AsJson, BusAddress, ConfigFile, RobotName
+from thumper.cli.output.stderr_report import report_to_stderr
 
 if TYPE_CHECKING:
     import queue

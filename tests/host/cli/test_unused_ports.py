@@ -3,7 +3,9 @@
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from thumper.cli.app import build_app
 from thumper.cli.robot_run import RunOptions
 
 CONFIG = """
@@ -44,6 +46,13 @@ def test_a_simulated_board_names_the_ports_that_are_not_used(
         "thumper: the simulated board brings its own sensors; "
         "not used: [lidar] port /dev/lidar, [gps] port /dev/gps\n"
     )
+
+
+def test_the_doctor_names_them_too(tmp_path: Path) -> None:
+    (tmp_path / "robot.toml").write_text('[lidar]\nport = "/dev/lidar"\n')
+    command = ["doctor", "--config", str(tmp_path / "robot.toml"), "--board", "sim://"]
+    done = CliRunner().invoke(build_app(), [*command, "--seconds", "1"])
+    assert "not used: [lidar] port /dev/lidar" in done.stderr
 
 
 @pytest.mark.parametrize(("board", "lidar"), [("", ""), ("/dev/board", "/dev/another"), ("", "/dev/another")])

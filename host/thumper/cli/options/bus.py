@@ -2,7 +2,6 @@
 
 import os
 import re
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,11 +43,6 @@ def address_of(address: str, options: "BusOptions") -> str:
     except ValueError as error:
         raise ThumperError(f"--bus {error}", exit_code=EXIT_USAGE) from error
     return address
-
-
-def report_to_stderr(text: str) -> None:
-    """Print a line about the robot or the bus, apart from the command's output."""
-    print(f"thumper: {text}", file=sys.stderr, flush=True)
 
 
 def token_of(config: Path | None) -> str:
