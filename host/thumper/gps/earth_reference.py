@@ -49,17 +49,18 @@ class EarthReference:
         self._datum = datum
         self._alignment = Alignment()  # of the map
 
-    def add(self, fix: Fix, odom_at_fix: Pose2, map_from_odom: Pose2, *, drift_m: float) -> None:
+    def add(self, fix: Fix, odom_at_fix: Pose2, map_from_odom: Pose2 | None, *, drift_m: float) -> None:
         """Add a fix, with the odometry at its time, and its drift since the last match with the map.
 
-        Where the drift is larger than the fix's error, an aligned map follows the GPS. Then it shows nothing
-        more about the alignment.
+        `map_from_odom` is None while the pose in the map is lost. Where the drift is larger than the fix's
+        error, an aligned map follows the GPS. Then it shows nothing more about the alignment.
         """
         plane = self.filter.plane
         seen = self.filter.correct(fix, odom_at_fix)
         if self.filter.plane is not plane:
             self._alignment = Alignment()
-        if seen is not None and (drift_m < fix.std_m or self.enu_from_map is None):
+        is_needed = drift_m < fix.std_m or self.enu_from_map is None
+        if seen is not None and map_from_odom is not None and is_needed:
             antenna = map_from_odom @ odom_at_fix @ self._base_from_antenna
             self._alignment.add(fix.time_s, antenna, seen, max(fix.std_m, MIN_STD_M) ** 2 + drift_m**2)
 

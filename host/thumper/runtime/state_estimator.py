@@ -152,8 +152,10 @@ class StateEstimator:
             self.mapper.set_position_prior(*prior)
         if not self._pose_buffer.covers(fix.time_s):
             return
-        drift_m = self._drift_m
-        self.earth.add(fix, self._pose_buffer.at(fix.time_s), self.map_from_odom, drift_m=drift_m)
+        drift_m, quality = self._drift_m, self.mapper.quality()
+        is_elsewhere = bool(quality.lost) and not quality.has_drifted  # its pose shows nothing about the map
+        map_from_odom = None if is_elsewhere else self.map_from_odom
+        self.earth.add(fix, self._pose_buffer.at(fix.time_s), map_from_odom, drift_m=drift_m)
         by_gps = self.earth.map_from_odom(better_than_m=drift_m)
         if by_gps is not None:
             self._corrected_from_odom = self.mapper.map_from_odom.inverse() @ by_gps

@@ -318,6 +318,35 @@ def test_a_correction_by_gps_is_not_blamed_on_the_wheels() -> None:
     assert "SLIP" not in robot.warnings()
 
 
+class Lost(AlongWall):
+    """Knows its pose until `lost` says why it does not; then it believes to be 5 m away."""
+
+    lost = ""
+
+    @property
+    def map_from_odom(self) -> Pose2:
+        return Pose2(x_m=5.0) if self.lost else Pose2()
+
+    def quality(self) -> PoseQuality:
+        return PoseQuality(covariance=1e-4 * np.eye(3), explained=0.9, lost=self.lost)
+
+
+def test_a_lost_robot_does_not_move_the_map_on_earth() -> None:
+    earth, mapper = EarthReference(GpsOptions()), Lost()
+    robot = StateEstimator(drive=DRIVE, base_from_laser=LASER, mapper=mapper, earth=earth)
+    plane, counts = LocalPlane(LatLon(48.0, 11.0)), round(0.1 / M_PER_COUNT)
+    found = []
+    for mapper.lost, steps in (("", range(100)), ("moved by hand", range(100, 200))):
+        for k in steps:
+            robot.add_telemetry(telemetry(0.2 * k, counts * k, counts * k))
+            robot.add_scan(scan(0.2 * k - 0.15, [Pose2()] * 100))
+            robot.add_fix(rtk(0.2 * k, plane.to_earth(EastNorth(counts * k * M_PER_COUNT, 0.0))))
+        datum = robot.map_datum()
+        assert datum is not None
+        found.append(plane.to_plane(LatLon(*datum[:2])))
+    assert math.dist(*found) < 0.01
+
+
 @pytest.mark.parametrize("has_gps", [False, True])
 def test_on_open_ground_a_robot_is_lost_without_gps_only(has_gps: bool) -> None:
     """It drives 30 m east, and nothing returns."""
