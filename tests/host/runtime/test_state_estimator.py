@@ -319,7 +319,7 @@ def test_a_correction_by_gps_is_not_blamed_on_the_wheels() -> None:
 
 
 class Lost(AlongWall):
-    """Knows its pose until `lost` says why it does not; then it believes to be 5 m away."""
+    """Knows its pose until `lost` says why it does not; then it estimates one 5 m away."""
 
     lost = ""
 
@@ -336,7 +336,7 @@ def test_a_lost_robot_does_not_move_the_map_on_earth() -> None:
     robot = StateEstimator(drive=DRIVE, base_from_laser=LASER, mapper=mapper, earth=earth)
     plane, counts = LocalPlane(LatLon(48.0, 11.0)), round(0.1 / M_PER_COUNT)
     found = []
-    for mapper.lost, steps in (("", range(100)), ("moved by hand", range(100, 200))):
+    for mapper.lost, steps in (("", range(100)), ("carried away", range(100, 200))):
         for k in steps:
             robot.add_telemetry(telemetry(0.2 * k, counts * k, counts * k))
             robot.add_scan(scan(0.2 * k - 0.15, [Pose2()] * 100))
