@@ -352,3 +352,14 @@ def test_the_letters_of_a_control_lecture_are_read(
     else:
         assert log.position_rad is not None
         np.testing.assert_allclose(log.position_rad, COUNTS * COUNT_RAD, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("header", "scale", "shown"),
+    [("angle (rad)", 1.0, "rad"), ("theta_deg", 180.0 / np.pi, "deg, read as rad")],
+)
+def test_an_angle_is_shown_in_radians(tmp_path: Path, header: str, scale: float, shown: str) -> None:
+    path = write(tmp_path / "log.csv", f"time,pwm,{header}", TIME_S, PWM, scale * COUNT_RAD * COUNTS)
+    (log,) = read_logs(path)
+    largest = COUNT_RAD * COUNTS.max()
+    assert any(header in line and f"[{shown}, " in line and f"{largest:.4g}]" in line for line in log.columns)

@@ -1,12 +1,13 @@
 """One line per used column: what was understood, for the user to check."""
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray
+from thumper_tuning.logs.column_names import POSITIONS_RAD, Quantity
 from thumper_tuning.logs.column_names import UNITS as SCALES
-from thumper_tuning.logs.column_names import Quantity
 from thumper_tuning.logs.columns import Column
 from thumper_tuning.logs.roles import MotorColumns
 
@@ -38,6 +39,7 @@ def preview(
                 else "s"
             )
         else:
+            known = known * math.tau if _is_angle(column) else known
             what = f"{_unit(column)}, {known.min():.4g} ... {known.max():.4g}"
         yield f"{role}: column {column.header!r} [{what}]"
     used = {column.index for _, column in columns.used}
@@ -45,11 +47,20 @@ def preview(
         yield f"not used: {', '.join(ignored)}"
 
 
+def _is_angle(column: Column) -> bool:
+    """Return whether a column holds angles; their values are in revolutions."""
+    return column.quantity is Quantity.COUNTS and not column.needs_encoder
+
+
 def _unit(column: Column) -> str:
+    if _is_angle(column):
+        rad = column.scale * math.tau
+        written = next(name for name, scale in POSITIONS_RAD.items() if math.isclose(scale, rad))
+        return "rad" if written == "rad" else f"{written}, read as rad"
     if column.quantity is Quantity.COUNTS_PER_ROW:
         return "counts per row"
     if column.quantity is Quantity.COUNTS:
-        return "counts" if column.needs_encoder else "revolutions"
+        return "counts"
     if column.needs_encoder:
         return "counts/s"
     unit = UNITS[column.quantity]
