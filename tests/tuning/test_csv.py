@@ -246,9 +246,24 @@ def test_units_per_rotation_of_a_sysid_recording(tmp_path: Path) -> None:
             read_logs(_sysid(path, units="Meters", unitsPerRotation=value))
     (log,) = read_logs(_sysid(path, units="Radians", unitsPerRotation=0))
     assert log.position_rad is not None
-    with pytest.raises(ThumperError, match="does not increase"):
+    with pytest.raises(ThumperError, match=r"log\.json: column 'time' does not increase"):
         read_logs(_sysid(path, **{"slow-forward": [[0.0, 1.0, 2.0, 3.0]] * 30}))
     np.testing.assert_array_equal(log.position_rad, COUNTS)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ('{"a": 1}', r"recording \(no key 'units'\)"),
+        ("[1, 2]", "recording; pass"),
+        ("{", r"recording \(Expecting"),
+    ],
+)
+def test_other_json_is_no_sysid_recording(tmp_path: Path, text: str, why: str) -> None:
+    path = tmp_path / "log.json"
+    path.write_text(text)
+    with pytest.raises(ThumperError, match=why):
+        read_logs(path)
 
 
 @pytest.mark.parametrize("test", ["Elevator", "Arm"])

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.column_names import Quantity
 from thumper_tuning.logs.columns import Column
@@ -50,6 +51,15 @@ def read_logs(
     ThumperError
         The file holds no motor log, or its units cannot be right; the message says what to change.
     """
+    try:
+        return _read_logs(path, counts_per_rev, choices or {})
+    except ThumperError as error:
+        if str(path) in str(error):
+            raise
+        raise ThumperError(f"{path}: {error}", exit_code=error.exit_code) from error
+
+
+def _read_logs(path: Path, counts_per_rev: float, choices: Choices) -> list[MotorLog]:
     suffix = path.suffix.lower()
     if suffix == ".json":
         return read_sysid(path)
@@ -59,7 +69,7 @@ def read_logs(
         table = read_mcap_table(path)
     else:
         table = read_table(path)
-    motors = motor_columns(path, table.headers, choices or {})
+    motors = motor_columns(path, table.headers, choices)
     return [_motor_log(path, table, name, columns, counts_per_rev) for name, columns in motors.items()]
 
 

@@ -39,9 +39,14 @@ def read_sysid(path: Path) -> list[MotorLog]:
         gravity = GRAVITY.format(test=data["test"]) if data.get("test") in ("Elevator", "Arm") else ""
     except OSError as error:
         raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+    except KeyError as error:
         raise ThumperError(
-            f"{path}: not a SysId recording ({error}); pass a CSV file", exit_code=EXIT_CHECK_FAILED
+            f"{path}: not a SysId recording (no key {error}); pass a CSV file", exit_code=EXIT_CHECK_FAILED
+        ) from error
+    except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+        why = f" ({error})" if isinstance(error, json.JSONDecodeError) else ""
+        raise ThumperError(
+            f"{path}: not a SysId recording{why}; pass a CSV file", exit_code=EXIT_CHECK_FAILED
         ) from error
     if not 0.0 < units_per_rotation < math.inf:
         raise ThumperError(
