@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -12,8 +13,9 @@ import pytest
 from rich.console import Console
 
 from thumper.common.errors import ThumperError
+from thumper.ros.services import WheelsState
 from thumper_tuning.cli.gains_file import read_gains_file
-from thumper_tuning.cli.running_robot import design_from_estimate
+from thumper_tuning.cli.running_robot import design_from_estimate, estimated_model
 from thumper_tuning.design.fast_sensitivity import max_sensitivity
 from thumper_tuning.design.fixed_point import PARAMETER_SPECS, to_fixed_point
 from thumper_tuning.design.gains import RULE_NAMES, DesignOptions, design, nominal_model
@@ -35,15 +37,27 @@ EXACT = Uncertainty(
 def test_gains_for_the_estimate_of_a_running_robot(tmp_path: Path) -> None:
     values = {"mean_gain_rad_s_per_pwm": 0.0584, "mean_time_constant_s": 0.075, "mean_friction_pwm": 38.0}
     stds = {f"{name}_std": 0.01 * value for name, value in values.items()}
-    result = design_from_estimate({**values, **stds}, tmp_path, DesignOptions(), Console(quiet=True))
+    state = WheelsState(text="", drift="the right side drags", values={**values, **stds})
+    console = Console(record=True, file=StringIO())
+    result = design_from_estimate(state, tmp_path, DesignOptions(), console)
+    assert "note: the right side drags" in console.export_text()
     assert result.gains.kv == pytest.approx(1.0 / 0.0584, rel=1e-3)
     assert result.gains.ks == pytest.approx(38.0, abs=0.01)
     assert result.gains.ka == pytest.approx(0.075 / 0.0584, rel=1e-3)
     assert result.margins.max_sensitivity == pytest.approx(1.6, abs=0.01)
     assert read_gains_file(tmp_path / "gains.json") == result.gains
-    del values["mean_time_constant_s"]
-    with pytest.raises(ThumperError, match="has not determined the time constant of its wheels") as refused:
-        design_from_estimate({**values, **stds}, tmp_path, DesignOptions(), Console(quiet=True))
+
+
+@pytest.mark.parametrize(
+    ("missing", "text"),
+    [(["time_constant_s"], "time constant"),
+     (["gain_rad_s_per_pwm", "time_constant_s", "friction_pwm"], "gain, time constant and friction")],
+)  # fmt: skip
+def test_what_a_running_robot_has_not_determined_is_named(missing: list[str], text: str) -> None:
+    names = ("gain_rad_s_per_pwm", "time_constant_s", "friction_pwm")
+    values = {f"mean_{name}{part}": 1.0 for name in names if name not in missing for part in ("", "_std")}
+    with pytest.raises(ThumperError, match=f"has not determined the {text} of its wheels") as refused:
+        estimated_model(values)
     assert refused.value.exit_code == 4
 
 

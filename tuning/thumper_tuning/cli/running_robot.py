@@ -20,10 +20,10 @@ NEEDED = {
 }
 
 
-def wheel_values(config: Path | None, bus: str, robot: str) -> Mapping[str, float]:
+def wheels_state(config: Path | None, bus: str, robot: str) -> services.WheelsState:
     """Ask a running robot for the estimate of its wheels; raises ThumperError if it does not answer."""
     with connect(config, bus, robot) as client:
-        return services.WHEELS_STATE.call(client).values
+        return services.WHEELS_STATE.call(client)
 
 
 def estimated_model(values: Mapping[str, float]) -> tuple[MotorModel, Uncertainty]:
@@ -37,7 +37,7 @@ def estimated_model(values: Mapping[str, float]) -> tuple[MotorModel, Uncertaint
     missing = [name for name, key in NEEDED.items() if key not in values]
     if missing:
         raise ThumperError(
-            f"the robot has not determined the {' and '.join(missing)} of its wheels yet; drive for a minute "
+            f"the robot has not determined the {_listed(missing)} of its wheels yet; drive for a minute "
             "at several speeds, with starts and stops, or run `thumper tune`",
             exit_code=EXIT_CHECK_FAILED,
         )
@@ -56,13 +56,20 @@ def estimated_model(values: Mapping[str, float]) -> tuple[MotorModel, Uncertaint
     )
 
 
+def _listed(names: list[str]) -> str:
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last
+
+
 def design_from_estimate(
-    values: Mapping[str, float], out: Path, options: DesignOptions, console: Console
+    state: services.WheelsState, out: Path, options: DesignOptions, console: Console
 ) -> Design:
-    """Design gains for the estimate, print them, and write gains.json."""
-    result = design(*estimated_model(values), options)
+    """Design gains for the estimate, print them with how the wheels drifted, and write gains.json."""
+    result = design(*estimated_model(state.values), options)
     for line in design_lines(result):
         console.print(line, markup=False)
+    if state.drift:
+        console.print(f"  note: {state.drift}", markup=False)
     path = write_gains_file(out / "gains.json", result)
     console.print(
         f"wrote {path}; set them on the robot's page, or stop it and run `thumper tune verify {path}`"

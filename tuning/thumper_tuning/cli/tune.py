@@ -211,9 +211,9 @@ def design(
         options = replace(options, manual=PiGains(kp=manual[0], ki=manual[1]))
     prepare_output(out)
     if not files:
-        from thumper_tuning.cli.running_robot import design_from_estimate, wheel_values
+        from thumper_tuning.cli.running_robot import design_from_estimate, wheels_state
 
-        design_from_estimate(wheel_values(config, bus, robot), out, options, Console())
+        design_from_estimate(wheels_state(config, bus, robot), out, options, Console())
         return
     motors = identify_files(files, counts_per_rev, parse_choices(column))
     design_from_motors(motors, out, options, battery, Console())
