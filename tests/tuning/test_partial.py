@@ -186,3 +186,20 @@ def test_a_step_of_a_controller_is_one_level_with_a_warning(fit: Fit) -> None:
     assert steady[0]["speed_rad_s"] == pytest.approx(6.0, abs=0.05)
     assert "recorded in closed loop" in str(result["warnings"])
     assert " in 90 % of the rows" in str(result["reason"])
+
+
+def test_a_slow_ramp_gives_no_time_constant(fit: Fit) -> None:
+    """Without the friction that it does not know, a linear model explains a ramp by a lag of 1 s."""
+    time_s = 0.02 * np.arange(500, dtype=float)
+    pwm = np.floor(20.0 * time_s)
+    turned_s = np.clip(time_s - WHEEL.friction / 20.0 - WHEEL.tau_s, 0.0, None)
+    position = WHEEL.gain * 20.0 * turned_s**2 / 2.0
+    with pytest.raises(ThumperError, match="does not determine the time constant"):
+        fit("time_s,pwm,counts", time_s, pwm, np.floor(position / COUNT_RAD))
+
+
+def test_reversals_widen_the_delays_standard_deviation(fit: Fit) -> None:
+    time_s = 0.02 * np.arange(600, dtype=float)
+    pwm = 120.0 * np.sign(np.sin(np.pi * (time_s + 0.01)))
+    result = fit("time_s,pwm,counts", time_s, pwm, counts_of(time_s, pwm))
+    assert result["delay_s"] == pytest.approx(WHEEL.delay_s, abs=2.0 * result["delay_s_std"])  # type: ignore[operator]

@@ -31,7 +31,10 @@ if TYPE_CHECKING:
 MIN_FIT_PERCENT = 60.0
 SETTLED_TIME_CONSTANTS = 4.0
 MAX_RELATIVE_STD = 0.5
+MAX_FRICTION_STD = 0.2  # of several levels: a larger share says that the log shows friction, not lag
 SAME_LEVEL = 0.03
+SEVERAL = 0.2  # of the largest drive: the levels differ by more than noise and a controller's ripple
+SEVERAL_LEVELS = "the drive has several levels"
 ASSUMED_FRICTION = 0.15  # of the drive: the share that a small geared motor loses at a half to full drive
 
 
@@ -99,8 +102,13 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
     best = fits[window_s]
     model, std = best.model, best.std
     spread = UNIFORM_STD * np.ptp([(f.model.time_constant_s, f.model.delay_s) for f in fits.values()], axis=0)
-    friction_s = _effect_of_friction_s(data.with_sensor_window(window_s), best)
-    if best.fit_percent < MIN_FIT_PERCENT or not 0.0 < std[1] <= MAX_RELATIVE_STD:
+    cause, friction_s, friction_delay_s = _effect_of_friction_s(data.with_sensor_window(window_s), best)
+    time_constant_std_s = math.hypot(model.time_constant_s * float(std[1]), friction_s, float(spread[0]))
+    if (
+        best.fit_percent < MIN_FIT_PERCENT
+        or not 0.0 < std[1] <= MAX_RELATIVE_STD
+        or (cause == SEVERAL_LEVELS and time_constant_std_s > MAX_FRICTION_STD * model.time_constant_s)
+    ):
         raise reason
     warnings = [warning for log in logs for warning in log.warnings]
     if any(log.has_setpoint for log in logs):
@@ -111,7 +119,7 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
         warnings.append(glitches)
     if friction_s > 0.0:
         warnings.append(
-            f"the drive reverses without a rest: a friction of {100 * ASSUMED_FRICTION:.0f} % of it would "
+            f"{cause}: a friction of {100 * ASSUMED_FRICTION:.0f} % of it would "
             f"change the time constant by {1e3 * friction_s:.0f} ms; this is a part of its standard deviation"
         )
     not_determined = [f"gain_rad_s_per_{unit.value}", f"static_friction_{unit.value}"]
@@ -121,8 +129,8 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
         name=name,
         unit=unit,
         model=model,
-        time_constant_std_s=math.hypot(model.time_constant_s * float(std[1]), friction_s, float(spread[0])),
-        delay_std_s=math.hypot(float(std[2]) * median_window_s(segments), float(spread[1])),
+        time_constant_std_s=time_constant_std_s,
+        delay_std_s=math.hypot(float(std[2]) * median_window_s(segments), friction_delay_s, float(spread[1])),
         period_s=round(float(np.median([log.period_s for log in logs])), 9),
         steady=tuple(_steady_speeds(segments, model, best.use)),
         fit_percent=best.fit_percent,
@@ -275,14 +283,20 @@ def _initial(data: FitData) -> MotorModel:
     return best or MotorModel(gain=1e-9, time_constant_s=0.1, friction_forward=0.0, friction_backward=0.0)
 
 
-def _effect_of_friction_s(data: FitData, fit: _LinearFit) -> float:
-    """Return how far a friction would change the time constant; 0 if the drive does not reverse.
+def _effect_of_friction_s(data: FitData, fit: _LinearFit) -> tuple[str, float, float]:
+    """Return why a friction matters, and how far it would change time constant and delay [s].
 
-    Friction slows a wheel down before a reversal and holds it back after it. From rest it only scales the
-    speed, so it does not matter there.
+    Friction slows a wheel down before a reversal and holds it back after it. In a ramp it looks like a lag.
+    In a step from rest it only scales the speed, so it does not matter there.
     """
-    if not any((s.drive[1:] * s.drive[:-1] < 0.0).any() for s in data.segments):
-        return 0.0
+    drive = np.abs(np.concatenate([s.drive for s in data.segments]))
+    driven = drive[drive > 0.0]
+    if any((s.drive[1:] * s.drive[:-1] < 0.0).any() for s in data.segments):
+        cause = "the drive reverses without a rest"
+    elif driven.size and np.ptp(np.percentile(driven, (10, 90))) > SEVERAL * driven.max():
+        cause = SEVERAL_LEVELS
+    else:
+        return "", 0.0, 0.0
     friction = ASSUMED_FRICTION * max(float(np.abs(s.drive).max()) for s in data.segments)
     start = replace(
         fit.model,
@@ -296,7 +310,12 @@ def _effect_of_friction_s(data: FitData, fit: _LinearFit) -> float:
         fit.use,
         problem.scale(data.residuals(start), fit.use),
     )
-    return abs(problem.model(x).time_constant_s - fit.model.time_constant_s)
+    other = problem.model(x)
+    return (
+        cause,
+        abs(other.time_constant_s - fit.model.time_constant_s),
+        abs(other.delay_s - fit.model.delay_s),
+    )
 
 
 def _steady_speeds(segments: list[LogSegment], model: MotorModel, use: BoolArray) -> list[SteadySpeed]:
