@@ -5,6 +5,7 @@ missions for the kernels of the simulator. What is there and fits its sources is
 """
 
 import os
+import signal
 import sys
 from dataclasses import replace
 from typing import get_args
@@ -41,4 +42,5 @@ def ship_kernels(console: Console) -> int:
 if __name__ == "__main__":
     if SHIP_VARIABLE not in os.environ:
         sys.exit(f"set {SHIP_VARIABLE}=1, so that the kernels are written to their packages")
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # amid a compilation, numba turns Ctrl-C into other errors
     print(f"compiled {ship_kernels(Console())} kernels")

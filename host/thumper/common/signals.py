@@ -16,6 +16,11 @@ STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(sign
 _received = [False]  # not an Event: a handler must not wait for a lock that the interrupted code may hold
 
 
+def forget_interrupts() -> None:
+    """Forget the signals so far: call where a KeyboardInterrupt was caught."""
+    _received[0] = False
+
+
 @contextmanager
 def record_interrupts() -> Iterator[None]:
     """Record each signal that raises KeyboardInterrupt, for `raise_lost_interrupt`.
@@ -25,6 +30,7 @@ def record_interrupts() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    forget_interrupts()
     ours = [number for number in STOP_SIGNALS if signal.getsignal(number) is signal.default_int_handler]
     for number in ours:
         signal.signal(number, _interrupt)
@@ -37,12 +43,12 @@ def record_interrupts() -> Iterator[None]:
 
 @contextmanager
 def raise_lost_interrupt() -> Iterator[None]:
-    """Raise KeyboardInterrupt at the end if one was lost inside. Wrap one pass of a loop in it."""
-    _received[0] = False
+    """Raise KeyboardInterrupt at the end if one was lost, inside or before. Wrap one pass of a loop in it."""
     try:
         yield
     finally:
         if _received[0]:
+            forget_interrupts()
             raise KeyboardInterrupt
 
 

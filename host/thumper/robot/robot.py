@@ -26,6 +26,7 @@ from thumper.common.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, Twist2, wrap_angle
 from thumper.common.kinematics import WheelSpeeds
 from thumper.common.optional_packages import require_extra
+from thumper.common.signals import forget_interrupts
 from thumper.config.robot import load_config, with_ports
 from thumper.lidar.scan import Scan
 from thumper.maps.annotations import Annotations, annotations_path, load_annotations, save_annotations
@@ -453,6 +454,7 @@ class Robot:
 
     def _run(self, task: Task) -> DriveResult:
         """Carry out a task; raise KeyboardInterrupt, as any Python code would, if Ctrl-C ended it."""
+        forget_interrupts()  # those that the script has caught
         result = self._loop.run(task)
         if result.interrupted:
             raise KeyboardInterrupt

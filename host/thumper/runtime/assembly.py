@@ -17,7 +17,7 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.sensor import ReopenedSensor
 from thumper.common.serial_port import check_port_exists
-from thumper.common.signals import record_interrupts
+from thumper.common.signals import raise_lost_interrupt, record_interrupts
 from thumper.common.stamps import epoch_ns_at
 from thumper.config.robot import DriveOptions, RobotConfig
 from thumper.gps.earth_reference import EarthReference, MapDatum
@@ -89,7 +89,8 @@ def open_robot(
         A port, the board or the lidar does not answer; the message names it and the fix.
     """
     check_port_exists(config.board.port, "board")
-    warm_up(config)  # compiling takes seconds, which must not pass while wheels turn
+    with record_interrupts(), raise_lost_interrupt():
+        warm_up(config)  # compiling takes seconds, which must not pass while wheels turn
     with _report_motors_off(), ExitStack() as stack:
         stack.enter_context(record_interrupts())
         find_objects = None

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.geometry import Pose2
+from thumper.common.signals import forget_interrupts
 from thumper.maps.annotations import Annotations
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.runtime.control_cycle import ControlCycle, StepResult
@@ -190,6 +191,7 @@ class RobotLoop:
                 self._rate.wait()
         except KeyboardInterrupt:
             confirmed = self.stop()
+            forget_interrupts()
             if not self._is_serving:
                 self._tasks.interrupt(unconfirmed="" if confirmed else UNCONFIRMED)
             return confirmed
