@@ -70,7 +70,7 @@ def test_manual_driving_and_goals_end_the_exploration(service: Service) -> None:
 
 
 def test_it_is_refused_while_the_robot_does_not_map(service: Service) -> None:
-    service.put(RobotCommand(name="localise"))
+    service.put(RobotCommand(name="localize"))
     answer = service.ask("command", {"command": "explore"})
     assert not answer["ok"]
     assert "does not map" in answer["error"]

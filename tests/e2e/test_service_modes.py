@@ -16,22 +16,22 @@ def test_a_stationary_robot_switches_modes(service: Service) -> None:
     mapper = service.robot.mapper
     assert isinstance(mapper, SlamModeSwitch)
     service.until(lambda: service.robot.inputs.has_map)
-    assert command(service, "localise") == {
+    assert command(service, "localize") == {
         "ok": True,
         "text": "the map stays fixed; the robot localizes in it",
     }
-    state = {"mode": "localising", "lost": "", "map_doubt": "", "datum": "", "gps": "off"}
+    state = {"mode": "localizing", "lost": "", "map_doubt": "", "datum": "", "gps": "off"}
     assert service.ask("mapping/state") == {"ok": True, **state}
-    assert str(command(service, "localise")["text"]).endswith("the robot has found its pose in it")
+    assert str(command(service, "localize")["text"]).endswith("the robot has found its pose in it")
     frozen = mapper.grid()
     service.put(GoTo(goals=(NEAR,)))
     assert "must be stationary" in str(command(service, "map_on")["error"])
     service.until(lambda: service.mode == "idle")
     assert service.ask("mission/state")["state"] == "reached"
     assert mapper.grid() is frozen
-    assert command(service, "relocalise")["ok"]
+    assert command(service, "relocalize")["ok"]
     mapper.relocalize()
-    assert slam_mode.change(mapper, "localise").endswith(
+    assert slam_mode.change(mapper, "localize").endswith(
         "the robot still searches for its pose: the whole map is searched for the pose"
     )
     service.until(lambda: mapper.quality().lost == "")
@@ -41,8 +41,8 @@ def test_a_stationary_robot_switches_modes(service: Service) -> None:
     service.until(lambda: service.mode == "idle")
     assert service.ask("mission/state")["state"] == "reached"
     assert np.count_nonzero(mapper.grid().cells >= 0) > np.count_nonzero(frozen.cells >= 0)
-    assert command(service, "relocalise") == {
+    assert command(service, "relocalize") == {
         "ok": False,
-        "error": "the robot is mapping: localize first, with `thumper mode localise`",
+        "error": "the robot is mapping: localize first, with `thumper mode localize`",
         "option": "",
     }

@@ -154,5 +154,5 @@ def test_a_map_is_saved_under_a_name_and_loaded_again(
     assert "uses the map" in service.ask("library/rename", {"name": "flat", "new_name": "attic"})["error"]
     assert robot.annotations.find("rug") is not None
     service.run_cycles(10)
-    assert service.ask("mapping/state")["mode"] == "localising"
+    assert service.ask("mapping/state")["mode"] == "localizing"
     assert robot.map_and_pose()[1].distance_m(before) < 0.3

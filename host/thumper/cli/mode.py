@@ -12,20 +12,20 @@ from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
 class SlamMode(StrEnum):
     """What the robot does with its map."""
 
-    LOCALISE = "localise"
+    LOCALIZE = "localize"
     MAP = "map"
     SEARCH = "search"
 
 
-COMMAND_OF = {SlamMode.LOCALISE: "localise", SlamMode.MAP: "map_on", SlamMode.SEARCH: "relocalise"}
+COMMAND_OF = {SlamMode.LOCALIZE: "localize", SlamMode.MAP: "map_on", SlamMode.SEARCH: "relocalize"}
 
 
 def mode(
     what: Annotated[
         SlamMode,
         typer.Argument(
-            help="localise: freeze the map and localize in it. map: resume mapping, also in a map loaded "
-            "with `run --map`. search: forget the pose and relocalize in the whole map, after localise."
+            help="localize: freeze the map and localize in it. map: resume mapping, also in a map loaded "
+            "with `run --map`. search: forget the pose and relocalize in the whole map, after localize."
         ),
     ],
     config: ConfigFile = None,
@@ -34,7 +34,7 @@ def mode(
 ) -> None:
     """Switch a stationary robot between mapping and localization, or relocalize it.
 
-    Example: `thumper mode localise`
+    Example: `thumper mode localize`
     """
     from thumper.ros import services
     from thumper.ros.services import RunCommand

@@ -31,7 +31,10 @@ def _name_the_value(error: Any) -> None:
     cause = error.__cause__
     if hasattr(cause, "errors"):
         first = cause.errors(include_url=False)[0]
-        error.message = f"{first['input']!r} {first['msg'].removeprefix('Input ').partition(',')[0]}"
+        if first["type"] == "value_error":  # of Typer: "'a' is not one of 'b', 'c'."
+            error.message = str(first["ctx"]["error"])
+        else:
+            error.message = f"{first['input']!r} {first['msg'].removeprefix('Input ').partition(',')[0]}"
 
 
 def no_such_option(context: Any, word: str) -> str:

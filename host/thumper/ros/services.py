@@ -78,7 +78,7 @@ class MissionStatus:
 class MappingState:
     """Reply of `mapping/state`."""
 
-    mode: Annotated[str, "mapping, localising"]
+    mode: Annotated[str, "mapping, localizing"]
     lost: Annotated[str, "why the pose is lost; empty if it is not"]
     map_doubt: Annotated[str, "why the map is in doubt; empty if it is not"]
     datum: Annotated[str, "the map's place on Earth; empty if it is unknown"]

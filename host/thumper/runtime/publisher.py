@@ -210,7 +210,7 @@ class Publisher:
         for kind, line in inputs.estimator.warnings().items():
             if kind not in self._warned:  # the first of its kind; the command prints the counts at the end
                 self._warned.add(kind)
-                self.publish_event(line, WARN, name="localisation")
+                self.publish_event(line, WARN, name="localization")
         fault = Fault.NONE if inputs.telemetry is None else inputs.telemetry.fault
         if fault is not self._fault:
             self._fault = fault

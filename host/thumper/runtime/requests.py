@@ -127,9 +127,9 @@ COMMANDS = (
         "explore",
         "dock",
         "undock",
-        "localise",
+        "localize",
         "map_on",
-        "relocalise",
+        "relocalize",
     ),
 )
 

@@ -21,7 +21,7 @@ from thumper.slam.mapper import DetectsKidnapping, HasParticles, MapperUpdate, P
 
 # Standard deviations of the pose that the mapper passes to the localizer.
 HANDOVER_STD_M, HANDOVER_STD_RAD = 0.1, 0.05
-LOCALIZE_FIRST = "localize first, with `thumper mode localise`"
+LOCALIZE_FIRST = "localize first, with `thumper mode localize`"
 BANDS_PER_SCAN = 3  # of a map that is prepared for the search of a kidnapped robot: about 10 ms
 
 
@@ -75,8 +75,8 @@ class SlamModeSwitch:
         if self.localizer is None:
             return "mapping"
         if self._resume_when_confirmed:
-            return "localising, resumes mapping after localization"
-        return "localising"
+            return "localizing, resumes mapping after localization"
+        return "localizing"
 
     @property
     def is_localizing(self) -> bool:

@@ -10,8 +10,8 @@ from thumper.cli.status import earth_text, mode_text
     [
         ("mapping", "", "mapping"),
         ("mapping", "the robot was moved", "mapping; the robot was moved"),
-        ("localising", "", "localising, pose found"),
-        ("localising", "places look alike", "localising, searching for the pose; places look alike"),
+        ("localizing", "", "localizing, pose found"),
+        ("localizing", "places look alike", "localizing, searching for the pose; places look alike"),
     ],
 )
 def test_it_shows_whether_the_pose_is_found(mode: str, lost: str, text: str) -> None:

@@ -27,7 +27,7 @@ FIT_HELP = (
 )
 
 Board = Annotated[
-    str, typer.Option(help="Serial port or URL of the board, as /dev/ttyUSB0 or sim://tune/board?world=hall.")
+    str, typer.Option(help="Serial port or URL of the board, as /dev/ttyUSB0 or sim://?world=hall.")
 ]
 Baud = Annotated[int, typer.Option(help="Baud rate of the board's firmware.", min=1)]
 Out = Annotated[Path, typer.Option(help="Folder for logs, gains and report.")]
@@ -46,7 +46,10 @@ Settings = Annotated[
 Lane = Annotated[
     float | None,
     typer.Option(
-        help="Free floor ahead of the robot, and as much behind it, in metres.", min=0.6, show_default="1.2"
+        help="Free floor for the identification, ahead and as much behind, in metres; verification asks "
+        "for more ahead.",
+        min=0.6,
+        show_default="1.2",
     ),
 ]
 Hold = Annotated[

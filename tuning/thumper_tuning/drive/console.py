@@ -8,6 +8,8 @@ from rich.progress import Progress
 
 from thumper.board.board import Board
 from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
+from thumper.config.own_simulation import own_simulation
+from thumper.lidar.options import LidarOptions
 from thumper_tuning.drive.record import ReportProgress
 
 LANE_WIDTH_M = 0.8
@@ -15,8 +17,12 @@ LANE_WIDTH_M = 0.8
 
 @contextmanager
 def open_board(url: str, baud: int) -> Iterator[Board]:
-    """Open a board; at the end stop and close it. Ctrl-C becomes a one-line error."""
-    board = Board.open(url, baud=baud)
+    """Open a board; at the end stop and close it. Ctrl-C becomes a one-line error.
+
+    `sim://` is a new simulated robot, as in the other commands.
+    """
+    port, _ = own_simulation(url, "", LidarOptions().model)
+    board = Board.open(port, baud=baud)
     try:
         yield board
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""Switches between mapping and localization: the commands `localise`, `map_on` and `relocalise`."""
+"""Switches between mapping and localization: the commands `localize`, `map_on` and `relocalize`."""
 
 from thumper.common.errors import ThumperError
 from thumper.gps.earth_reference import DRIVE_TO_FIND_IT, MapDatum
@@ -9,7 +9,7 @@ from thumper.runtime.sensor_table import GPS
 from thumper.slam.mapper import Mapper
 from thumper.slam.mode_switch import SlamModeSwitch
 
-MODES = ("localise", "map_on", "relocalise")
+MODES = ("localize", "map_on", "relocalize")
 
 
 def change(mapper: Mapper, mode: str) -> str:
@@ -23,14 +23,14 @@ def change(mapper: Mapper, mode: str) -> str:
     if not isinstance(mapper, SlamModeSwitch):
         raise ThumperError("this robot's mapper cannot switch between mapping and localization")
     match mode:
-        case "localise":
+        case "localize":
             was_localizing = mapper.is_localizing
             mapper.localize()
             return f"the map stays fixed; {_found(mapper) if was_localizing else 'the robot localizes in it'}"
         case "map_on":
             mapper.resume_mapping()
             return "the robot resumes mapping"
-        case "relocalise":
+        case "relocalize":
             mapper.relocalize()
             return "the robot searches the whole map for its pose"
     raise ThumperError(f"unknown mode {mode!r}; choose from: {', '.join(MODES)}")

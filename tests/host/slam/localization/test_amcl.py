@@ -288,7 +288,7 @@ def test_mapping_does_not_resume_before_the_pose_is_known() -> None:
     for _ in range(3):
         assert not robot.update(Pose2(), scan, STILL).integrated
     assert "several places" in robot.quality().lost
-    assert robot.mode == "localising, resumes mapping after localization"
+    assert robot.mode == "localizing, resumes mapping after localization"
     robot.set_pose(Pose2(x_m=0.45, y_m=0.25))
     for _ in range(3):
         robot.update(Pose2(), scan, STILL)
