@@ -173,6 +173,8 @@ def test_each_result_has_the_time_and_length_of_its_drive() -> None:
         (lambda robot: robot.goto(cast("float", "a"), 0.0), "goto: 'a' is not a number"),
         (lambda robot: robot.wait(cast("float", "a")), "wait: 'a' is not a number"),
         (lambda robot: robot.save_map("x\0"), "save_map: .* is not a file path"),
+        (lambda robot: robot.save_map(""), "save_map: '' is not a file path"),
+        (lambda robot: robot.forward(cast("float", "1")), "forward: '1' is not a number"),
         (lambda robot: robot.forward(0.0), "forward: choose a distance"),
         (lambda robot: robot.forward(1.0, v_m_s=3.0), "v_m_s: choose more than 0 and up to"),
         (lambda robot: robot.forward(1.0, v_m_s=-0.1), "v_m_s: choose more than 0"),

@@ -186,7 +186,7 @@ def main() -> None:
         _exit_with(ThumperError(usage_text(error), exit_code=EXIT_USAGE))
     except typer.Abort as error:  # at a question: Ctrl-C, or nobody is there
         if isinstance(error.__context__, KeyboardInterrupt):
-            sys.exit(EXIT_INTERRUPTED)
+            _exit_with(ThumperError("interrupted", exit_code=EXIT_INTERRUPTED))
         _exit_with(ThumperError("nobody answers the question; pass --yes to skip it", exit_code=EXIT_USAGE))
     except ThumperError as error:
         _exit_with(error)

@@ -89,13 +89,15 @@ def places(call: str, values: object) -> tuple[tuple[float, float], ...]:
 
 def file_path(name: str, value: str | Path) -> Path:
     """Return a file path."""
-    if not isinstance(value, str | Path) or "\0" in str(value):
+    if not isinstance(value, str | Path) or str(value) in ("", ".") or "\0" in str(value):
         raise ThumperError(f"{name}: {value!r} is not a file path", exit_code=EXIT_USAGE)
     return Path(value)
 
 
 def _as_float(call: str, value: float) -> float:
     try:
+        if isinstance(value, str):  # float() takes "1"
+            raise TypeError
         return float(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise ThumperError(f"{call}: {value!r} is not a number", exit_code=EXIT_USAGE) from error
