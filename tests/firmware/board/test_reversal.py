@@ -140,18 +140,20 @@ def test_a_rolling_wheel_that_is_taken_over_does_not_swing_back(speed_rad_s: flo
     assert distance_rad <= speed_rad_s**2 / (2 * 8.0), "no farther than with the ramp"
 
 
-def test_at_zero_pwm_a_motor_keeps_its_direction() -> None:
+@pytest.mark.parametrize("driven", [-100, 100])
+def test_at_zero_pwm_a_motor_keeps_its_direction(driven: int) -> None:
     """A wheel that dithers around zero does not switch its direction each time."""
     chip = InstrumentedChip(ELF, params=RobotParams.load())
     run_for(chip, 0.2)
     send(chip, CommandRequest(command=Command.ARM))
-    for pwm in (-100, 0, -100, 0):
+    for pwm in (driven, 0, driven, 0):
         send(chip, SetMotorPwm(left=pwm, right=pwm))
         run_for(chip, 0.15)
         send(chip, SetMotorPwm(left=pwm, right=pwm))
         run_for(chip, 0.05)
-        assert chip.data(PORTD) >> 2 & 1 == 0
-        assert chip.data(OCR2B) == -pwm
+        for port, direction_bit, _, compare in SIDES.values():
+            assert chip.data(port) >> direction_bit & 1 == (driven > 0)
+            assert chip.data(compare) == abs(pwm)
 
 
 @pytest.fixture(scope="module")
