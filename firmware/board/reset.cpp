@@ -23,7 +23,7 @@ extern "C" void SaveResetCause() {
 namespace reset {
 
 fw::ResetCause Cause() {
-  const bool restarted = mark == kRestarted && (flags & (1 << PORF | 1 << EXTRF | 1 << BORF)) == 0;
+  const bool restarted = mark == kRestarted;
   mark = 0;
   if ((flags & 1 << PORF) != 0) return fw::ResetCause::kPowerOn;  // power-on may set the others too
   if ((flags & 1 << BORF) != 0) return fw::ResetCause::kBrownOut;

@@ -30,7 +30,8 @@ from thumper_hil.chip.wiring import ENCODERS
 PORTB, PORTD, DDRB, DDRD = 0x25, 0x2B, 0x24, 0x2A
 TCCR2A, TCCR2B, OCR2A, OCR2B = 0xB0, 0xB1, 0xB3, 0xB4
 ADCSRA, ADMUX = 0x7A, 0x7C
-MCUSR, PORF, BORF = 0x54, 1 << 0, 1 << 2
+MCUSR, PORF, BORF, WDRF = 0x54, 1 << 0, 1 << 2, 1 << 3
+WDTCSR, WDE = 0x60, 1 << 3
 GPIOR1, GPIOR2, UCSR0C = 0x4A, 0x4B, 0xC2
 MOTORS_B, MOTORS_D = 0b1110, 0b11100
 ENCODER_B, ENCODER_D = 0b11_0000, 0b110_0000
@@ -198,6 +199,7 @@ def test_a_lost_link_does_not_wait_for_the_control_tick() -> None:
         (PORF, ResetCause.POWER_ON, Fault.NONE),
         (PORF | BORF, ResetCause.POWER_ON, Fault.NONE),
         (BORF, ResetCause.BROWN_OUT, Fault.E_STOP),
+        (WDRF, ResetCause.WATCHDOG, Fault.E_STOP),
         (0, ResetCause.UNKNOWN, Fault.E_STOP),
     ],
 )
@@ -218,15 +220,16 @@ def test_power_on_clears_a_latched_fault_that_sram_still_holds(
     assert answer.reset_cause is cause
 
 
-def test_other_content_of_the_kept_sram_is_no_fault() -> None:
-    """After other firmware, or a brown-out that corrupted it."""
+@pytest.mark.parametrize(("byte", "change"), [(2, 0x10), (0, Fault.E_STOP ^ len(Fault))])
+def test_other_content_of_the_kept_sram_is_no_fault(byte: int, change: int) -> None:
+    """After other firmware, or a brown-out: another schema, or a fault beyond the last one."""
     chip = InstrumentedChip(ELF, params=RobotParams.load())
     run_for(chip, 0.2)
     send(chip, CommandRequest(command=Command.E_STOP))
     run_for(chip, 0.1)
     (kept,) = (address for address in NOINIT if _kept(chip, address) == SCHEMA_HASH ^ Fault.E_STOP)
     chip.reset()
-    chip.poke(kept + 2, chip.data(kept + 2) ^ 0x10)
+    chip.poke(kept + byte, chip.data(kept + byte) ^ change)
     assert telemetry(chip, 0.15).fault is Fault.NONE
 
 
@@ -262,6 +265,14 @@ def test_short_gaps_of_the_converter_do_not_add_up() -> None:
         chip.stop_adc(stopped=stopped)
         run_for(chip, 0.03)
     assert telemetry(chip).fault is Fault.NONE
+
+
+def test_the_start_stops_the_watchdog() -> None:
+    """After a watchdog reset it runs on, with 16 ms, until the program stops it: before anything else."""
+    chip = InstrumentedChip(ELF)
+    chip.poke(WDTCSR, WDE)
+    chip.run(chip.cycle + 100)
+    assert chip.data(WDTCSR) == 0
 
 
 def test_the_reset_cause_is_told_once() -> None:

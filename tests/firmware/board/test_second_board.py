@@ -68,7 +68,7 @@ def test_identity_reports_the_board(robot: Robot, kind: BoardModel) -> None:
 
 @pytest.mark.parametrize(("left_rad_s", "right_rad_s"), [(6.0, 6.0), (6.0, 4.0), (-3.0, 3.0)])
 def test_wheels_follow_the_commanded_speeds(robot: Robot, left_rad_s: float, right_rad_s: float) -> None:
-    """Both directions, mean of a slow wheel's turn within 2 %, every edge counted; currents have the motors' sign.
+    """Both directions, mean of a slow wheel's turn within 2 %, every edge counted; signs of the currents.
 
     In a wide arc the body drags the inner wheels along: their motor brakes, and its current is negative.
     """
