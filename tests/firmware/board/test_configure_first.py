@@ -1,4 +1,4 @@
-"""A parameter of the robot that arrives together with ARM and PWM holds before the motors are driven."""
+"""A parameter holds from the next control tick on, also if it arrives together with ARM and PWM."""
 
 from tests.firmware.board.boot import ELF
 from tests.firmware.board.wire import run_for, send
@@ -11,14 +11,18 @@ from thumper.board.messages import (
     Message,
     SetMotorPwm,
     SetParameter,
+    SetWheelSpeeds,
 )
 from thumper_hil.chip.instrumented_chip import InstrumentedChip
 from thumper_hil.chip.preemption import symbol
 from thumper_hil.chip.robot_params import RobotParams
 
 PORTD, FORWARD, OCR2B = 0x2B, 1 << 2, 0xB4
-REVERSED = next(spec.index for spec in PARAMETERS if spec.name == "left_motor_reversed")
+REVERSED, KS = (
+    next(spec.index for spec in PARAMETERS if spec.name == name) for name in ("left_motor_reversed", "ks")
+)
 TICK_S, PWM = 0.1, 100
+KS_HIGH = 6000
 REQUESTS: list[Message] = [
     *[Identify()] * 5,  # their answers take four times as long, so the rest arrives in one pass
     SetParameter(index=REVERSED, value=1),
@@ -57,3 +61,19 @@ def test_no_tick_drives_with_the_old_direction() -> None:
         assert chip.data(OCR2B) == PWM
         assert not chip.data(PORTD) & FORWARD
     assert 0 < driven < 24
+
+
+def test_the_next_tick_uses_a_new_gain() -> None:
+    """The main loop writes one set of constants while the tick reads the other, which then is the old one."""
+    chip = InstrumentedChip(ELF, params=RobotParams.load(), seed=1)
+    run_for(chip, 0.3)
+    send(chip, CommandRequest(command=Command.ARM))
+    pwm = []
+    for step in range(24):
+        send(chip, SetWheelSpeeds(left=4000, right=4000))
+        run_to_tick(chip)
+        run_for(chip, 50e-6)
+        pwm.append(chip.data(OCR2B))
+        run_for(chip, TICK_S - 20e-3)
+        chip.send(encode_frame(SetParameter.ID, 1, SetParameter(index=KS, value=KS_HIGH * (step % 2)).pack()))
+    assert max(pwm[13::2]) + 30 < min(pwm[12::2])
