@@ -8,6 +8,7 @@ import pytest
 
 from tests.firmware.board.boot import BUILD
 from tests.firmware.board.wire import frames, run_for, send
+from thumper.board.framing import encode_frame
 from thumper.board.gyroscope import GyroIncrements
 from thumper.board.messages import (
     PARAMETERS,
@@ -16,6 +17,7 @@ from thumper.board.messages import (
     CommandRequest,
     Fault,
     GyroscopeState,
+    Identify,
     SetParameter,
     SetWheelSpeeds,
     State,
@@ -26,8 +28,8 @@ from thumper_hil.chip.robot_params import RobotParams
 
 INDEX = {spec.name: spec.index for spec in PARAMETERS}
 Z_UP, Z_DOWN = 1, 2
-DDRC, PORTC, TWCR = 0x27, 0x28, 0xBC
-TICK_S = 0.1
+DDRC, PORTC, TWCR, TWEN = 0x27, 0x28, 0xBC, 1 << 2
+TICK_S, TRY_S, STEP_S = 0.1, 0.2, 0.25e-3
 RETRY_S = 0.6
 """Time in which a device that answers again is measuring."""
 
@@ -183,6 +185,7 @@ def test_a_device_that_dies_is_reported_and_comes_back(fault: str) -> None:
     breaks(robot.chip)
     seen = robot.drive(-3.0, 3.0, 1.0)
     assert {t.gyroscope for t in seen[3:]} == {GyroscopeState.MISSING}
+    assert len({t.heading for t in seen[3:]}) == 1, "it does not turn by the last rate"
     assert {(t.state, t.fault) for t in seen} == {(State.CLOSED_LOOP, Fault.NONE)}
     mends(robot.chip)
     seen = robot.drive(-3.0, 3.0, RETRY_S)
@@ -195,15 +198,31 @@ def test_a_device_that_dies_is_reported_and_comes_back(fault: str) -> None:
     assert robot.measured_rad == pytest.approx(robot.turned_rad, rel=2e-3)
 
 
-def test_a_device_that_lost_its_settings_gets_them_again() -> None:
+@pytest.mark.parametrize("phase_ms", range(0, 100, 20))
+def test_a_device_that_lost_its_settings_gets_them_again(phase_ms: int) -> None:
     """After a dip of its supply it answers, but it sleeps."""
     robot = ready(bias_deg_s=7.0)
     robot.drive(-3.0, 3.0, 1.0)
+    run_for(robot.chip, 0.001 * phase_ms)
     unplug(robot.chip)
     plug(robot.chip)
-    states = [t.gyroscope for t in robot.drive(-3.0, 3.0, 1.5)]
+    states = []
+    for _ in range(15):
+        robot.turned_rad = robot.measured_rad = 0.0
+        states += [t.gyroscope for t in robot.drive(-3.0, 3.0, TICK_S)]
+        assert robot.measured_rad <= 1.2 * robot.turned_rad, "no reading while its gyroscope starts up"
     assert GyroscopeState.MISSING in states
     assert states[-1] is GyroscopeState.READY
+
+
+def test_a_busy_main_loop_loses_no_device() -> None:
+    """It takes one step of a transfer in each pass, and its passes take milliseconds."""
+    robot = ready()
+    for _ in range(100):
+        robot.chip.send(9 * encode_frame(Identify.ID, 7, Identify().pack()))
+        run_for(robot.chip, 0.0025)
+    found = [Telemetry.unpack(f.payload) for f in frames(robot.chip) if f.message_id == Telemetry.ID]
+    assert {t.gyroscope for t in found} == {GyroscopeState.READY}
 
 
 @pytest.mark.parametrize("pulses", [1, 9])
@@ -216,6 +235,16 @@ def test_nine_clock_pulses_free_the_data_line(pulses: int) -> None:
     assert robot.drive(0.0, 0.0, RETRY_S)[-1].gyroscope is GyroscopeState.CALIBRATING
 
 
+def test_a_missing_device_gets_nine_clock_pulses_before_each_try() -> None:
+    robot = Robot()
+    robot.enable()
+    levels = []
+    for _ in range(round(2 * TRY_S / STEP_S)):
+        run_for(robot.chip, STEP_S)
+        levels.append(robot.chip.data(DDRC))
+    assert sum(a != b for a, b in itertools.pairwise(levels)) == 2 * 2 * 9
+
+
 def test_a_gap_always_reaches_the_host() -> None:
     """The device fails for a moment between two control ticks; the second one still reports it."""
     robot = ready()
@@ -226,9 +255,15 @@ def test_a_gap_always_reaches_the_host() -> None:
     assert GyroscopeState.MISSING in {t.gyroscope for t in robot.drive(-3.0, 3.0, 2 * TICK_S)}
 
 
-def test_switching_it_off_releases_the_clock_line() -> None:
-    """Also in the middle of the pulses that free the bus."""
+def test_switching_it_off_releases_the_bus() -> None:
+    """After transfers, and in the middle of the pulses that free the bus."""
     robot = Robot()
+    robot.chip.fit_gyroscope()
+    robot.enable()
+    assert robot.drive(0.0, 0.0, RETRY_S)[-1].gyroscope is GyroscopeState.CALIBRATING
+    send(robot.chip, SetParameter(index=INDEX["gyroscope"], value=0))
+    run_for(robot.chip, 0.01)
+    assert (robot.chip.data(DDRC), robot.chip.data(TWCR) & TWEN) == (0, 0)
     for pulse_ms in range(1, 5):
         robot.enable()
         run_for(robot.chip, 0.001 * pulse_ms)

@@ -94,9 +94,15 @@ class Mpu6050 {
     filtered_deg_s_ = 0.0;
   }
 
-  /// Take the newest sample. One pole stands for the low-pass filter.
+  /// Take the newest sample. One pole stands for the low-pass filter. No data sheet says what it reads while
+  /// it starts up: full scale here.
   void Latch() {
-    if ((registers_[kPower] & kSleep) != 0 || frozen_ || time_s_ < measures_from_s_) return;
+    if ((registers_[kPower] & kSleep) != 0 || frozen_) return;
+    if (time_s_ < measures_from_s_) {
+      registers_[kGyroZ] = 0x7F;
+      registers_[kGyroZ + 1] = 0xFF;
+      return;
+    }
     constexpr double kSample_s = 0.001;
     if (time_s_ - sampled_s_ < kSample_s) return;
     constexpr double kBandwidth_Hz[8] = {256.0, 188.0, 98.0, 42.0, 20.0, 10.0, 5.0, 256.0};
