@@ -13,8 +13,9 @@ from thumper.board.messages import (
     SetParameter,
     SetWheelSpeeds,
 )
+from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.instrumented_chip import InstrumentedChip
-from thumper_hil.chip.preemption import symbol
+from thumper_hil.chip.preemption import Symbol, symbol
 from thumper_hil.chip.robot_params import RobotParams
 
 PORTD, FORWARD, OCR2B = 0x2B, 1 << 2, 0xB4
@@ -77,3 +78,29 @@ def test_the_next_tick_uses_a_new_gain() -> None:
         run_for(chip, TICK_S - 20e-3)
         chip.send(encode_frame(SetParameter.ID, 1, SetParameter(index=KS, value=KS_HIGH * (step % 2)).pack()))
     assert max(pwm[13::2]) + 30 < min(pwm[12::2])
+
+
+def test_the_main_loop_never_writes_the_constants_that_the_tick_reads() -> None:
+    chip = InstrumentedChip(ELF, params=RobotParams.load(), seed=1)
+    run_for(chip, 0.3)
+    active, sets = symbol(ELF, "active_config"), symbol(ELF, "configs")
+    half = sets.size // 2
+    written = set()
+    for step in range(2):
+        chip.send(encode_frame(SetParameter.ID, 1, SetParameter(index=KS, value=KS_HIGH * (step % 2)).pack()))
+        end = chip.cycle + CPU_HZ // 500
+        before = contents(chip, sets)
+        while chip.cycle < end:
+            in_use = chip.data(active.address)
+            chip.run(chip.cycle + 1)
+            if (after := contents(chip, sets)) != before:
+                changed = next(i for i in range(sets.size) if after[i] != before[i]) // half
+                assert changed != in_use
+                written.add(changed)
+            before = after
+    assert written == {0, 1}
+
+
+def contents(chip: InstrumentedChip, variable: Symbol) -> bytes:
+    """Return the bytes of a variable."""
+    return bytes(chip.data(variable.address + i) for i in range(variable.size))

@@ -23,12 +23,14 @@ from thumper.board.messages import (
     State,
     Telemetry,
 )
+from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.chip_faults import FaultyChip
 from thumper_hil.chip.robot_params import RobotParams
 
 INDEX = {spec.name: spec.index for spec in PARAMETERS}
 Z_UP, Z_DOWN = 1, 2
-DDRC, PORTC, TWCR, TWEN = 0x27, 0x28, 0xBC, 1 << 2
+DDRC, PORTC, TWBR, TWCR = 0x27, 0x28, 0xB8, 0xBC
+TWINT, TWEN, TWIE = 1 << 7, 1 << 2, 1 << 0
 TICK_S, TRY_S, STEP_S = 0.1, 0.2, 0.25e-3
 RETRY_S = 0.6
 """Time in which a device that answers again is measuring."""
@@ -98,6 +100,22 @@ def test_the_heading_follows_turns_in_both_directions(board: BoardModel, mode: i
     last = robot.drive(0.0, 0.0, 1.5)[-1]
     assert robot.measured_rad == pytest.approx(robot.turned_rad, abs=0.02)
     assert (last.state, last.fault, last.lost_edges) == (State.CLOSED_LOOP, Fault.NONE, 0)
+
+
+def test_the_bus_runs_at_400_kHz() -> None:
+    """ATmega328P data sheet, 22.5.2."""
+    robot = ready()
+    assert CPU_HZ / (16 + 2 * robot.chip.data(TWBR)) == 400_000
+
+
+def test_the_interrupt_switches_itself_off() -> None:
+    """Its flag stays set until the main loop takes the next step: a real chip would call it for ever."""
+    chip = ready().chip
+    controls = set()
+    for _ in range(2 * CPU_HZ // 1000):
+        chip.run(chip.cycle + 1)
+        controls.add(chip.data(TWCR) & (TWINT | TWEN | TWIE))
+    assert TWINT | TWEN in controls
 
 
 def test_the_pins_stay_untouched_without_the_parameter() -> None:
@@ -233,6 +251,14 @@ def test_nine_clock_pulses_free_the_data_line(pulses: int) -> None:
     robot.chip.hold_twi_data(pulses=pulses)
     robot.enable()
     assert robot.drive(0.0, 0.0, RETRY_S)[-1].gyroscope is GyroscopeState.CALIBRATING
+
+
+def test_a_device_that_hangs_in_a_byte_comes_back_by_itself() -> None:
+    robot = ready()
+    robot.chip.hold_twi_data(pulses=9)
+    states = [t.gyroscope for t in robot.drive(0.0, 0.0, 1.0)]
+    assert GyroscopeState.MISSING in states
+    assert states[-1] is GyroscopeState.READY
 
 
 def test_a_missing_device_gets_nine_clock_pulses_before_each_try() -> None:
