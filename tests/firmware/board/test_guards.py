@@ -28,6 +28,7 @@ from thumper_hil.chip.robot_params import RobotParams
 from thumper_hil.chip.wiring import ENCODERS
 
 PORTB, PORTD, DDRB, DDRD = 0x25, 0x2B, 0x24, 0x2A
+TIMSK0 = 0x6E
 TCCR2A, TCCR2B, OCR2A, OCR2B = 0xB0, 0xB1, 0xB3, 0xB4
 ADCSRA, ADMUX = 0x7A, 0x7C
 MCUSR, PORF, BORF, WDRF = 0x54, 1 << 0, 1 << 2, 1 << 3
@@ -35,7 +36,7 @@ WDTCSR, WDE = 0x60, 1 << 3
 GPIOR1, GPIOR2, UCSR0C = 0x4A, 0x4B, 0xC2
 MOTORS_B, MOTORS_D = 0b1110, 0b11100
 ENCODER_B, ENCODER_D = 0b11_0000, 0b110_0000
-MILLISECOND_S = 0.001
+MILLISECOND_S, STEP_S = 0.001, 20e-6
 NOINIT = range(0x100, 0x8FC)
 TICK_READS_WITHIN = 1200
 """Cycles before the tick stores its time in which it reads the counts."""
@@ -280,3 +281,45 @@ def test_the_reset_cause_is_told_once() -> None:
     chip = InstrumentedChip(ELF)
     run_for(chip, 0.01)
     assert chip.data(MCUSR) == 0
+
+
+def test_the_processor_sleeps_while_nothing_is_due() -> None:
+    chip = InstrumentedChip(ELF)
+    run_for(chip, 1.0)
+    assert chip.cpu_load < 0.5
+
+
+def test_the_first_battery_reading_is_a_mean_of_whole_samples() -> None:
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    assert telemetry(chip, 0.12).battery_mV == pytest.approx(1000 * chip.truth().battery_V, rel=0.01)
+
+
+def test_a_clock_that_never_starts_is_noticed_within_the_first_time_out() -> None:
+    """Control ticks go on without it, but the watchdog must not be kept off by them, not even once."""
+    chip = InstrumentedChip(ELF)
+    while not chip.data(TIMSK0):
+        chip.run(chip.cycle + 1)
+    chip.poke(TIMSK0, 0)
+    while not chip.data(TIMSK0) and chip.time_s < 1.0:  # a restart switches the clock on again
+        run_for(chip, MILLISECOND_S)
+    assert chip.time_s < 0.3
+
+
+def test_a_fault_found_at_a_tick_stops_the_motors_in_the_same_pass() -> None:
+    """Not with the next millisecond."""
+    chip = InstrumentedChip(ELF, params=RobotParams.load())
+    run_for(chip, 0.2)
+    send(chip, SetParameter(index=parameter_named("left_encoder_reversed").index, value=1))
+    send(chip, CommandRequest(command=Command.ARM))
+    ticks = symbol(ELF, "samples").address
+    seen = tick = 0
+    for step in range(round(1.0 / STEP_S)):
+        if step % 1000 == 0:
+            send(chip, SetMotorPwm(left=100, right=100))
+        run_for(chip, STEP_S)
+        if chip.data(ticks) != seen:
+            seen, tick = chip.data(ticks), step
+        if tick and step > 10_000 and not chip.data(OCR2A):
+            break
+    assert telemetry(chip).fault is Fault.REVERSED_LEFT
+    assert (step - tick) * STEP_S < 0.5 * MILLISECOND_S

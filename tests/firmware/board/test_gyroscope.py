@@ -29,7 +29,8 @@ from thumper_hil.chip.robot_params import RobotParams
 
 INDEX = {spec.name: spec.index for spec in PARAMETERS}
 Z_UP, Z_DOWN = 1, 2
-DDRC, PORTC, TWBR, TWCR = 0x27, 0x28, 0xB8, 0xBC
+DDRC, PORTC, TWBR, TWDR, TWCR = 0x27, 0x28, 0xB8, 0xBB, 0xBC
+ADDRESS, WHO_AM_I = 0x68, 0x75
 TWINT, TWEN, TWIE = 1 << 7, 1 << 2, 1 << 0
 TICK_S, TRY_S, STEP_S = 0.1, 0.2, 0.25e-3
 RETRY_S = 0.6
@@ -116,6 +117,7 @@ def test_the_interrupt_switches_itself_off() -> None:
         chip.run(chip.cycle + 1)
         controls.add(chip.data(TWCR) & (TWINT | TWEN | TWIE))
     assert TWINT | TWEN in controls
+    assert all(control & TWEN for control in controls), "it stays on for the stop condition"
 
 
 def test_the_pins_stay_untouched_without_the_parameter() -> None:
@@ -253,12 +255,36 @@ def test_nine_clock_pulses_free_the_data_line(pulses: int) -> None:
     assert robot.drive(0.0, 0.0, RETRY_S)[-1].gyroscope is GyroscopeState.CALIBRATING
 
 
+def test_a_device_that_stretches_the_clock_for_3_ms_is_not_lost() -> None:
+    robot = ready()
+    for _ in range(10):
+        robot.chip.hold_twi_clock(held=True)
+        run_for(robot.chip, 0.003)
+        robot.chip.hold_twi_clock(held=False)
+        states = {t.gyroscope for t in robot.drive(0.0, 0.0, TICK_S)}
+        assert states == {GyroscopeState.READY}
+
+
 def test_a_device_that_hangs_in_a_byte_comes_back_by_itself() -> None:
     robot = ready()
     robot.chip.hold_twi_data(pulses=9)
     states = [t.gyroscope for t in robot.drive(0.0, 0.0, 1.0)]
     assert GyroscopeState.MISSING in states
     assert states[-1] is GyroscopeState.READY
+
+
+def test_another_device_is_asked_for_its_name_and_left_alone() -> None:
+    robot = Robot()
+    robot.chip.fit_gyroscope(identity=0x00)
+    robot.enable()
+    sent, busy = [], 0
+    for _ in range(round(1.5 * TRY_S / STEP_S)):
+        for _ in range(10):
+            run_for(robot.chip, 0.1 * STEP_S)
+            sent.append(robot.chip.data(TWDR))
+        busy += bool(robot.chip.data(TWCR) & TWEN)
+    assert set(sent[1:]) <= {0xFF, 0x00, ADDRESS << 1, ADDRESS << 1 | 1, WHO_AM_I}
+    assert 0 < busy < 10
 
 
 def test_a_missing_device_gets_nine_clock_pulses_before_each_try() -> None:
