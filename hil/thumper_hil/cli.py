@@ -20,7 +20,13 @@ def demo(
         typer.Option(help="Drive both missions with this many seeds, starting at --seed.", min=1, max=10_000),
     ] = 1,
     preset: Preset = "nominal",
-    ui: Annotated[bool, typer.Option("--ui", help="Show the drive in the browser, in real time.")] = False,
+    ui: Annotated[
+        bool,
+        typer.Option(
+            "--ui",
+            help="Show the drives in the browser, in real time; then drive the robot there until Ctrl-C.",
+        ),
+    ] = False,
 ) -> None:
     """Drive two missions with the real firmware on a simulated robot and report the results.
 
@@ -43,16 +49,16 @@ def demo(
         if not run_seeds(out, first_seed=seed, seeds=seeds, console=Console(), preset=preset):
             raise typer.Exit(1)
         return
-    from thumper.config.bus import BusOptions
-    from thumper.dashboard.process import dashboard_process
-    from thumper_hil.demo.run import run_demo
+    if ui:
+        from thumper_hil.demo.in_browser import run_in_browser
 
-    with dashboard_process(None, BusOptions().address, wanted=ui):
-        passed = run_demo(
-            out, seed=seed, realtime=realtime or ui, on_the_bus=ui, console=Console(), preset=preset
-        )
-        if not passed:
-            raise typer.Exit(1)
+        passed = run_in_browser(out, seed=seed, console=Console(), preset=preset)
+    else:
+        from thumper_hil.demo.run import run_demo
+
+        passed = run_demo(out, seed=seed, realtime=realtime, console=Console(), preset=preset)
+    if not passed:
+        raise typer.Exit(1)
 
 
 def _worlds() -> list[str]:

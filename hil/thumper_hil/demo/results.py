@@ -35,7 +35,7 @@ from thumper_hil.demo.missions import (
 from thumper_hil.demo.outcome import Outcome
 
 NEXT_STEPS = (  # command, what it shows
-    ("demo --ui", "the same in the browser, in real time"),
+    ("demo --ui", "the same in the browser, in real time; then you drive the robot"),
     (
         "explore --board 'sim://next/board?world=lab_box' --lidar sim://next/lidar",
         "it explores the room by itself",

@@ -2,14 +2,14 @@
 
 import math
 import time
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from urllib.parse import urlencode
 
 from rich.console import Console
 
 from thumper.board.options import BoardOptions
-from thumper.bus.serve_robot import on_bus
 from thumper.cli.options.record import recorded
 from thumper.cli.output.drive_progress import ProgressDisplay, raise_if_interrupted
 from thumper.config.robot import RobotConfig
@@ -17,6 +17,7 @@ from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot, warm_up
 from thumper.runtime.drive.tasks import drive_to_goal
+from thumper.runtime.loop import RobotLoop
 from thumper.slam.saved_state import SavedSlamState
 from thumper_hil.bench import simulation
 from thumper_hil.demo.map_error import compare_map
@@ -26,25 +27,15 @@ from thumper_hil.demo.results import write_results
 from thumper_hil.world.world import World
 
 
-def run_demo(
-    out: Path,
-    *,
-    seed: int,
-    realtime: bool,
-    console: Console,
-    on_the_bus: bool = False,
-    preset: str = "nominal",
-) -> bool:
+def run_demo(out: Path, *, seed: int, realtime: bool, console: Console, preset: str = "nominal") -> bool:
     """Drive all missions and write the results to `out`; return True if every mission passed."""
-    with console.status("loading the compiled kernels (compiling them on the first run)"):
-        warm_up(RobotConfig())
+    load_kernels(console)
     outcomes = [
         drive_mission(
             mission,
             seed=seed,
             realtime=realtime,
             console=console,
-            on_the_bus=on_the_bus,
             record_to=out / "recordings",
             preset=preset,
         )
@@ -54,20 +45,35 @@ def run_demo(
     return all(outcome.passed for outcome in outcomes)
 
 
+def load_kernels(console: Console) -> None:
+    """Load the compiled kernels; the first run compiles them."""
+    with console.status("loading the compiled kernels (compiling them on the first run)"):
+        warm_up(RobotConfig())
+
+
 def drive_mission(
     mission: DemoMission,
     *,
     seed: int,
     realtime: bool,
     console: Console,
-    on_the_bus: bool = False,
     record_to: Path | None = None,
     preset: str = "nominal",
 ) -> Outcome:
     """Start a new robot without a map at the mission's start and drive to its goal.
 
-    With `on_the_bus`, clients can watch and stop it. `record_to` is the folder for the recording, or None.
+    `record_to` is the folder for the recording, or None.
     """
+    started_s = time.perf_counter()
+    with opened(mission, seed=seed, realtime=realtime, record_to=record_to, preset=preset) as robot:
+        return drive(robot, mission, console, started_s=started_s)
+
+
+@contextmanager
+def opened(
+    mission: DemoMission, *, seed: int, realtime: bool, record_to: Path | None, preset: str
+) -> Iterator[RobotLoop]:
+    """Open a new robot without a map at the mission's start."""
     options = {
         "world": mission.world,
         "x_m": mission.start.x_m,
@@ -82,19 +88,21 @@ def drive_mission(
         board=BoardOptions(port=f"sim://{mission.name}/board?{urlencode(options)}"),
         lidar=LidarOptions(port=f"sim://{mission.name}/lidar"),
     )
-    goal = Goal(x_m=mission.goal_x_m, y_m=mission.goal_y_m)
-    started_s = time.perf_counter()
     with ExitStack() as stack:
         robot = stack.enter_context(open_robot(config, mission.start))
         if record_to:
             stack.enter_context(recorded(robot, config, mission.start, True, record_to))
-        if on_the_bus:
-            stack.enter_context(on_bus(robot, config.name, config.bus))
-        bench = simulation(mission.name)
-        result = robot.run(drive_to_goal(goal, mission.title), ProgressDisplay(console))
-        raise_if_interrupted(result)
-        wall_time_s = time.perf_counter() - started_s
-        grid, session = robot.mapper.grid(), SavedSlamState.from_mapper(robot.mapper, result.map_from_base)
+        yield robot
+
+
+def drive(robot: RobotLoop, mission: DemoMission, console: Console, *, started_s: float) -> Outcome:
+    """Drive to the mission's goal; `started_s` is when the robot was opened [s, `perf_counter`]."""
+    goal = Goal(x_m=mission.goal_x_m, y_m=mission.goal_y_m)
+    result = robot.run(drive_to_goal(goal, mission.title), ProgressDisplay(console))
+    raise_if_interrupted(result)
+    wall_time_s = time.perf_counter() - started_s
+    grid, session = robot.mapper.grid(), SavedSlamState.from_mapper(robot.mapper, result.map_from_base)
+    bench = simulation(mission.name)
     return Outcome(
         mission=mission,
         result=result,

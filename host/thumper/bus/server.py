@@ -50,9 +50,9 @@ class BusServer:
         self, robot: str, options: BusOptions, requests: RequestQueue, report: Callable[[str], None]
     ) -> None:
         """`report` logs one line; it is called from other threads and must not block."""
+        self.requests = requests  # of the robot that is served now
         self.statistics = BusStatistics()
         self._prefix = f"thumper/{robot}/"
-        self._requests = requests
         self._report = report
         self._decoder = RequestDecoder()
         self._reported_s = 0.0
@@ -143,7 +143,7 @@ class BusServer:
             self._refuse(error)
         else:
             if request is not None:
-                self._requests.put(request)
+                self.requests.put(request)
 
     def _on_query(self, query: zenoh.Query) -> None:
         name = str(query.key_expr).removeprefix(f"{self._prefix}ask/")
@@ -154,7 +154,7 @@ class BusServer:
             self._enqueue(lambda: _reply(query, text))
 
         try:
-            self._requests.put(
+            self.requests.put(
                 self._decoder.decode_query(name, raw, _source(query.attachment), time.monotonic(), reply)
             )
         except RequestRefusedError as error:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+from fastapi import FastAPI
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from thumper.common.errors import ThumperError
@@ -77,6 +78,11 @@ class Connections:
         self._changed = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
 
+    @property
+    def count(self) -> int:
+        """How many pages are connected."""
+        return len(self._pages)
+
     def on_change(self) -> None:
         """Wake the tick. May be called from any thread."""
         if self._loop is not None:
@@ -126,7 +132,7 @@ class Connections:
         return True
 
     def _common_values(self) -> dict[str, Any]:
-        return {"pages": len(self._pages), "operator": self._commands.operator, **self._extra()}
+        return {"pages": self.count, "operator": self._commands.operator, **self._extra()}
 
     async def _send(self, page: PageConnection) -> None:
         with suppress(WebSocketDisconnect, RuntimeError):
@@ -197,3 +203,15 @@ class Connections:
         task = asyncio.create_task(run())
         page.queries.add(task)
         task.add_done_callback(page.queries.discard)
+
+
+def add_stream(app: FastAPI, connections: Connections) -> None:
+    """Add the pages' websocket, and how many pages are connected."""
+
+    @app.websocket("/stream")
+    async def stream(socket: WebSocket) -> None:
+        await connections.serve(socket)
+
+    @app.get("/pages")
+    def pages() -> int:
+        return connections.count

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from thumper.dashboard.guide.guide import Guide
 
 END_TIMEOUT_S = 3.0
+ANSWER_TIMEOUT_S = 2.0
 MIN_RESTART_S, MAX_RESTART_S = 1.0, 30.0  # before a page that has ended starts again
 STABLE_S = 60.0  # a page that ran this long starts again without further delay
 
@@ -141,6 +142,20 @@ class PageProcess:
                 return
             delay_s = min(2.0 * delay_s, MAX_RESTART_S)
             self._process = self._start()
+
+
+def open_pages(url: str) -> int | None:
+    """Return how many browsers show the page at `url`; None if its server does not answer.
+
+    Works for a page on this computer without a password.
+    """
+    from urllib.request import urlopen
+
+    try:
+        with urlopen(f"{url}pages", timeout=ANSWER_TIMEOUT_S) as answer:
+            return int(answer.read())
+    except OSError:
+        return None
 
 
 def _print_line(text: str) -> None:

@@ -10,7 +10,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from fastapi import FastAPI, WebSocket
+from fastapi import FastAPI
 from fastapi.responses import HTMLResponse
 from nicegui import app as nicegui_app
 from nicegui import ui
@@ -23,7 +23,7 @@ from thumper.common.geometry import Pose2
 from thumper.config.bus import is_loopback
 from thumper.config.dashboard import ServerOptions
 from thumper.dashboard.certificate import server_tls
-from thumper.dashboard.connections import Connections
+from thumper.dashboard.connections import Connections, add_stream
 from thumper.dashboard.guide.guide import Guide
 from thumper.dashboard.guide.guide_page import add_guide
 from thumper.dashboard.library import add_library
@@ -112,9 +112,7 @@ def build_app(
         middleware=[Middleware(AccessControl, hosts=hosts, password=options.password, secure=options.secure)],
     )
 
-    @app.websocket("/stream")
-    async def stream(socket: WebSocket) -> None:
-        await connections.serve(socket)
+    add_stream(app, connections)
 
     @app.get("/report")
     def report() -> HTMLResponse:
