@@ -183,11 +183,15 @@ def test_progress_of_unknown_length_has_no_share() -> None:
     ("event", "verdict"),
     [
         ("mission 3 reached: at the goal", "pass"),
+        ("explored after 30 s: reached 2 of 2 frontiers; back at the start", "pass"),
+        ("time is up after 900 s: reached 2 of 4 frontiers; back at the start", "pass"),
+        ("nothing is left to explore: no frontier is reachable", "pass"),
+        ("not back: no path", "fail"),
         ("mission 3 failed: no path", "fail"),
         ("mission 3 ended: cancelled", "fail"),
     ],
 )
-def test_each_end_of_a_mission_is_the_outcome_of_the_goal_step(event: str, verdict: str) -> None:
+def test_each_end_of_a_mission_or_exploration_is_the_outcome_of_the_step(event: str, verdict: str) -> None:
     guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
     guide.begin(Step.GOAL)
     guide._follow_event("navigating")

@@ -5,6 +5,7 @@ import pytest
 from tests.e2e.service import FAR, Service
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Twist2
+from thumper.runtime.drive.exploration import NOTHING_LEFT
 from thumper.runtime.drive.legs import Wait
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.requests import GoTo, RobotCommand, TeleopSource, Velocity
@@ -18,12 +19,19 @@ def test_explores_and_comes_back(service: Service) -> None:
     start = service.bench.truth()[-1]
     answer = service.ask("command", {"command": "explore"})
     assert "then back to" in answer["text"]
-    service.until(lambda: any(event.startswith("back") for event in service.events), max_cycles=1500)
+    service.until(
+        lambda: any(event.endswith("back at the start") for event in service.events), max_cycles=1500
+    )
     assert explored(service), service.events
+    assert service.robot.drive_manager.reason == service.events[-1]
+    assert "frontiers; back" in service.events[-1]
     end = service.bench.truth()[-1]
     assert abs(end[1] - start[1]) < 0.25
     assert abs(end[2] - start[2]) < 0.25
     assert service.bench.contacts == 0
+    service.run_cycles(30)
+    service.ask("command", {"command": "explore"})
+    service.until(lambda: service.robot.drive_manager.reason == NOTHING_LEFT)
 
 
 def test_an_exploration_ends_the_mission_before_it(service: Service) -> None:

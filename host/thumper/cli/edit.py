@@ -164,11 +164,13 @@ def _box(option: str, text: str) -> "Box":
 
 
 def _size_text(grid: "OccupancyGrid") -> str:
+    from thumper.common.texts import place_text
     from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
     rows, cols = grid.cells.shape
     count = {state: int((grid.cells == state).sum()) for state in (FREE, OCCUPIED, UNKNOWN)}
     return (
-        f"now {cols} x {rows} cells of {grid.resolution_m:g} m from ({grid.origin_x_m:.2f}, "
-        f"{grid.origin_y_m:.2f}), {count[FREE]} free, {count[OCCUPIED]} occupied, {count[UNKNOWN]} unknown"
+        f"now {cols} x {rows} cells of {grid.resolution_m:g} m from "
+        f"{place_text(grid.origin_x_m, grid.origin_y_m)}, {count[FREE]} free, {count[OCCUPIED]} occupied, "
+        f"{count[UNKNOWN]} unknown"
     )

@@ -21,6 +21,7 @@ def load_start_map(
         Both are given, or the file cannot be used.
     """
     from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.common.texts import place_text
     from thumper.maps.map_server_io import load_map
     from thumper.slam.saved_state import load_session
 
@@ -35,7 +36,7 @@ def load_start_map(
         return None
     known = load_session(session, settings.mapping.resolution_m)
     if pose := known.map_from_base:
-        place = f"{pose.x_m:.2f} m, {pose.y_m:.2f} m, {math.degrees(pose.theta_rad):.0f} degrees"
+        place = f"{place_text(pose.x_m, pose.y_m)} m, heading {math.degrees(pose.theta_rad):z.0f} degrees"
         print(f"{session}: saved with the robot at {place}")
     if settings.mapping.method != "scan_match":
         print(

@@ -59,13 +59,15 @@ def status(
 
 
 def _status_text(message: Any, mapping: Mapping[str, str], wheels: Mapping[str, Any]) -> str:
+    from thumper.common.texts import place_text
+
     m = message
     lines = [
         f"{m.robot} ({'SIMULATED' if m.simulated else 'REAL'}): {m.mode}"
         + (f", {m.reason}" if m.reason else "")
     ]
     if m.has_goal:
-        lines.append(f"goal     ({m.goal_x_m:.2f}, {m.goal_y_m:.2f}), {m.distance_to_goal_m:.2f} m to go")
+        lines.append(f"goal     {place_text(m.goal_x_m, m.goal_y_m)}, {m.distance_to_goal_m:.2f} m to go")
     if mapping:
         lines.append(f"mode     {mode_text(mapping)}")
         lines += [f"earth    {text}"] if (text := earth_text(mapping)) else []

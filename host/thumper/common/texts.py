@@ -25,6 +25,11 @@ def choice_hint(name: str, names: Collection[str]) -> str:
     return f"did you mean {close[0]!r}?" if close else f"choose from: {', '.join(names)}"
 
 
+def place_text(x_m: float, y_m: float) -> str:
+    """Return a place as text, without the sign of a rounded zero."""
+    return f"({x_m:z.2f}, {y_m:z.2f})"
+
+
 def is_number(text: str) -> bool:
     """Return whether a text is a number."""
     try:

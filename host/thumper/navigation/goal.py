@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, wrap_angle
+from thumper.common.texts import place_text
 
 FARTHEST_M = 1000.0
 
@@ -50,4 +51,4 @@ class Goal:
         return 0.0 if self.theta_rad is None else wrap_angle(self.theta_rad - map_from_base.theta_rad)
 
     def __str__(self) -> str:
-        return f"({self.x_m:.2f}, {self.y_m:.2f})"
+        return place_text(self.x_m, self.y_m)

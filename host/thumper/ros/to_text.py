@@ -36,7 +36,7 @@ def _when(msg: Message) -> str:
         return ""
     time_s = stamp.sec + 1e-9 * stamp.nanosec
     if time_s < EARLIEST_DATE_S:
-        return f"{time_s:.2f} s: "
+        return f"{time_s:z.2f} s: "
     return f"{time.strftime('%H:%M:%S', time.localtime(time_s))}.{stamp.nanosec // 10_000_000:02d}: "
 
 
@@ -53,7 +53,7 @@ def _pairs(prefix: str, value: Any) -> list[str]:
 
 
 def _pose_text(pose: Pose2) -> str:
-    return f"x {pose.x_m:.3f} m, y {pose.y_m:.3f} m, heading {math.degrees(pose.theta_rad):.1f} deg"
+    return f"x {pose.x_m:z.3f} m, y {pose.y_m:z.3f} m, heading {math.degrees(pose.theta_rad):z.1f} deg"
 
 
 def _pose(msg: Message) -> str:
@@ -63,7 +63,7 @@ def _pose(msg: Message) -> str:
 
 def _pose_with_covariance(msg: Message) -> str:
     sigma_x_m, sigma_y_m, sigma_rad = np.sqrt(np.asarray(msg.pose.covariance)[[0, 7, 35]])
-    deviation = f"; sigma {sigma_x_m:.3f} m, {sigma_y_m:.3f} m, {math.degrees(sigma_rad):.2f} deg"
+    deviation = f"; sigma {sigma_x_m:z.3f} m, {sigma_y_m:z.3f} m, {math.degrees(sigma_rad):z.2f} deg"
     return _pose_text(from_ros.pose_of(msg.pose.pose)) + (deviation if sigma_x_m > 0.0 else "")
 
 
@@ -71,13 +71,13 @@ def _odometry(msg: Message) -> str:
     """Format an Odometry; one of a GPS has neither heading nor speeds."""
     if msg.pose.covariance[35] >= UNKNOWN:
         at, std_m = msg.pose.pose.position, math.sqrt(msg.pose.covariance[0])
-        return f"x {at.x:.3f} m, y {at.y:.3f} m; sigma {std_m:.3f} m"
+        return f"x {at.x:z.3f} m, y {at.y:z.3f} m; sigma {std_m:z.3f} m"
     return f"{_pose_with_covariance(msg)}; {_speeds(msg.twist.twist)}"
 
 
 def _speeds(twist: Message) -> str:
     speeds = from_ros.twist_of(twist)
-    return f"{speeds.v_m_s:.3f} m/s, {speeds.w_rad_s:.3f} rad/s"
+    return f"{speeds.v_m_s:z.3f} m/s, {speeds.w_rad_s:z.3f} rad/s"
 
 
 def _transforms(msg: Message) -> str:
@@ -90,19 +90,19 @@ def _transforms(msg: Message) -> str:
 
 def _imu(msg: Message) -> str:
     """Format an Imu; as in ROS, a covariance that begins with -1 marks what is not measured."""
-    parts = [f"turn {msg.angular_velocity.z:.3f} rad/s"]
+    parts = [f"turn {msg.angular_velocity.z:z.3f} rad/s"]
     if msg.orientation_covariance[0] >= 0.0:
         roll_deg, pitch_deg, yaw_deg = map(math.degrees, from_ros.roll_pitch_yaw_of(msg.orientation))
-        parts.append(f"roll {roll_deg:.1f} deg, pitch {pitch_deg:.1f} deg, yaw {yaw_deg:.1f} deg")
+        parts.append(f"roll {roll_deg:z.1f} deg, pitch {pitch_deg:z.1f} deg, yaw {yaw_deg:z.1f} deg")
     if msg.linear_acceleration_covariance[0] >= 0.0:
         a = msg.linear_acceleration
-        parts.append(f"acceleration {a.x:.2f}, {a.y:.2f}, {a.z:.2f} m/s^2")
+        parts.append(f"acceleration {a.x:z.2f}, {a.y:z.2f}, {a.z:z.2f} m/s^2")
     return "; ".join(parts)
 
 
 def _image(msg: Message) -> str:
     """Format a CompressedImage by its size, never by its bytes."""
-    text = f"{msg.format}, {1e-3 * msg.data.size:.1f} kB"
+    text = f"{msg.format}, {1e-3 * msg.data.size:z.1f} kB"
     try:
         height, width = jpeg_shape(from_ros.frame_of(msg).jpeg)
     except ValueError as error:
@@ -114,8 +114,8 @@ def _fix(msg: Message) -> str:
     fix = from_ros.fix_of(msg)
     if fix.status is FixStatus.NONE:
         return fix.status.text
-    place = f"{fix.latitude_deg:.7f}, {fix.longitude_deg:.7f} deg"
-    return f"{place}; {fix.status.text}, sigma {fix.std_m:.2f} m"
+    place = f"{fix.latitude_deg:z.7f}, {fix.longitude_deg:z.7f} deg"
+    return f"{place}; {fix.status.text}, sigma {fix.std_m:z.2f} m"
 
 
 def _markers(msg: Message) -> str:
@@ -125,7 +125,7 @@ def _markers(msg: Message) -> str:
 
 
 def _label(text: str, at: Message) -> str:
-    return f"{text} ({at.x:.2f}, {at.y:.2f})"
+    return f"{text} ({at.x:z.2f}, {at.y:z.2f})"
 
 
 def _scan(msg: Message) -> str:
@@ -137,15 +137,15 @@ def _scan(msg: Message) -> str:
         return text
     nearest = hits[np.argmin(scan.ranges_m[hits])]
     bearing_rad = scan.angle_min_rad + nearest * scan.angle_increment_rad
-    return f"{text}, nearest at {scan.ranges_m[nearest]:.3f} m, {math.degrees(bearing_rad):.0f} deg"
+    return f"{text}, nearest at {scan.ranges_m[nearest]:z.3f} m, {math.degrees(bearing_rad):z.0f} deg"
 
 
 def _grid(msg: Message) -> str:
     grid = from_ros.grid_of(msg)
     rows, columns = grid.cells.shape
     return (
-        f"{columns} x {rows} cells of {grid.resolution_m:g} m from x {grid.origin_x_m:.2f} m, "
-        f"y {grid.origin_y_m:.2f} m; {np.mean(grid.cells >= 0):.0%} known"
+        f"{columns} x {rows} cells of {grid.resolution_m:g} m from x {grid.origin_x_m:z.2f} m, "
+        f"y {grid.origin_y_m:z.2f} m; {np.mean(grid.cells >= 0):.0%} known"
     )
 
 
@@ -154,7 +154,7 @@ def _path(msg: Message) -> str:
     if not len(path):
         return "no points"
     length_m = float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum())
-    return f"{len(path)} points, {length_m:.2f} m to x {path[-1, 0]:.2f} m, y {path[-1, 1]:.2f} m"
+    return f"{len(path)} points, {length_m:z.2f} m to x {path[-1, 0]:z.2f} m, y {path[-1, 1]:z.2f} m"
 
 
 def _particles(msg: Message) -> str:
@@ -164,17 +164,16 @@ def _particles(msg: Message) -> str:
     mean: FloatArray = poses.mean(axis=0)
     std: FloatArray = poses.std(axis=0)
     return (
-        f"{len(poses)} around x {mean[0]:.2f} m, y {mean[1]:.2f} m; "
-        f"standard deviation {std[0]:.3f} m, {std[1]:.3f} m"
+        f"{len(poses)} around x {mean[0]:z.2f} m, y {mean[1]:z.2f} m; "
+        f"standard deviation {std[0]:z.3f} m, {std[1]:z.3f} m"
     )
 
 
 def _wheels(msg: Message) -> str:
     t = from_ros.telemetry_of(msg).telemetry
     fault = f", fault {t.fault.name.lower()}" if t.fault else ""
-    return (
-        f"{_side(t, 'left')}; {_side(t, 'right')}; {1e-3 * t.battery_mV:.2f} V; {t.state.name.lower()}{fault}"
-    )
+    sides = f"{_side(t, 'left')}; {_side(t, 'right')}"
+    return f"{sides}; {1e-3 * t.battery_mV:.2f} V; {t.state.name.lower()}{fault}"
 
 
 def _side(t: Telemetry, side: str) -> str:
@@ -182,22 +181,22 @@ def _side(t: Telemetry, side: str) -> str:
         return int(getattr(t, f"{side}_{name}"))
 
     return (
-        f"{side} {1e-3 * field('speed'):.2f} of {1e-3 * field('setpoint'):.2f} rad/s, PWM {field('pwm')}, "
-        f"{1e-3 * field('current_mA'):.2f} A"
+        f"{side} {1e-3 * field('speed'):z.2f} of {1e-3 * field('setpoint'):z.2f} rad/s, PWM {field('pwm')}, "
+        f"{1e-3 * field('current_mA'):z.2f} A"
     )
 
 
 def _battery(msg: Message) -> str:
-    return f"{msg.voltage:.2f} V, {abs(msg.current):.2f} A drawn by the motors"
+    return f"{msg.voltage:z.2f} V, {abs(msg.current):z.2f} A drawn by the motors"
 
 
 def _status(msg: Message) -> str:
     reason = f" ({msg.reason})" if msg.reason else ""
-    goal = f", {msg.distance_to_goal_m:.2f} m to go" if msg.has_goal else ""
+    goal = f", {msg.distance_to_goal_m:z.2f} m to go" if msg.has_goal else ""
     fault = f", {msg.fault_words}: {msg.fault_cure}" if msg.fault else ""
     return (
         f"{msg.mode}{reason}{goal}; board {msg.board_state.lower()}{fault}; "
-        f"loop {1e3 * msg.loop_late_s:.1f} ms late, busy for {1e3 * msg.loop_busy_s:.1f} ms"
+        f"loop {1e3 * msg.loop_late_s:z.1f} ms late, busy for {1e3 * msg.loop_busy_s:z.1f} ms"
     )
 
 

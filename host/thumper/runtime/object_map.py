@@ -8,6 +8,7 @@ from thumper.camera.detector import Detection
 from thumper.camera.options import CameraOptions
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
+from thumper.common.texts import place_text
 from thumper.runtime.object_place import View, is_empty, place_of
 
 SAME_M = 0.5  # sightings of a class that are nearer to each other show one object
@@ -70,7 +71,7 @@ class ObjectMap:
     @property
     def summary(self) -> str:
         """The objects in one line."""
-        texts = (f"{each.label} ({each.x_m:.2f}, {each.y_m:.2f})" for each in self.objects)
+        texts = (f"{each.label} {place_text(each.x_m, each.y_m)}" for each in self.objects)
         return ", ".join(sorted(texts)) or "none seen"
 
     def _see(self, label: str, x_m: float, y_m: float, view: View) -> None:

@@ -11,6 +11,7 @@ from thumper.camera.options import CameraOptions
 from thumper.camera.tag_tracker import TagTracker
 from thumper.camera.tags import tags_in
 from thumper.common.geometry import Pose2, wrap_angle
+from thumper.common.texts import place_text
 from thumper.maps.annotations import SavedTag
 from thumper.slam.mapper import Mapper, Relocalizable, SwitchesMode
 
@@ -84,7 +85,7 @@ class TagAnchors:
         self._surveyed_m[number] = distance_m
         self._survey(SavedTag(number=number, x_m=at.x_m, y_m=at.y_m, yaw_rad=at.theta_rad))
         if not is_known:
-            self._report(f"tag {number} is at ({at.x_m:.2f}, {at.y_m:.2f})")
+            self._report(f"tag {number} is at {place_text(at.x_m, at.y_m)}")
 
     def _correct(
         self, number: int, base_from_tag: Pose2, by_lidar: Pose2, mapper: Mapper, time_s: float
@@ -105,4 +106,4 @@ class TagAnchors:
         self._given_s = time_s
         mapper.set_pose(by_tag)
         degrees = math.degrees(by_tag.theta_rad)
-        self._report(f"pose by tag {number}: ({by_tag.x_m:.2f}, {by_tag.y_m:.2f}), {degrees:.0f} degrees")
+        self._report(f"pose by tag {number}: {place_text(by_tag.x_m, by_tag.y_m)}, {degrees:z.0f} degrees")

@@ -28,6 +28,7 @@ START_TIMEOUT_S = 300.0  # of `thumper run`, which compiles at its first start
 SIMULATOR_TIMEOUT_S = 120.0
 FIRST_DRIVE_M = 0.3
 MISSION_END = re.compile(r"mission \d+ (reached|failed|ended): ")
+EXPLORED = re.compile(r"explored |nothing is left to explore|.*; back at the start$")
 TURNED = "motor forward"  # in the lines of the wheel check
 
 
@@ -252,7 +253,7 @@ class Guide:
     def _follow_event(self, text: str) -> None:
         if match := MISSION_END.match(text):
             self._set("pass" if match[1] == "reached" else "fail", text)
-        elif text.startswith(("back: ", "explored ")):
+        elif EXPLORED.match(text):
             self._set("pass", text)
         elif text.startswith(("not back: ", "ended after ", "interrupted after ")):
             self._set("fail", text)

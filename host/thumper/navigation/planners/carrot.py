@@ -10,6 +10,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.common.numba_kernel import kernel
 from thumper.common.resumable import Search
+from thumper.common.texts import place_text
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 from thumper.navigation.footprint import Footprint
@@ -49,9 +50,9 @@ class CarrotPlanner:
         x_m, y_m = line_m[free - 1]
         if math.dist((x_m, y_m), (goal.x_m, goal.y_m)) > goal.tolerance_m:
             return PlanResult(
-                reason=f"no straight path to the goal {goal}: blocked at ({x_m:.2f}, {y_m:.2f})"
+                reason=f"no straight path to the goal {goal}: blocked at {place_text(x_m, y_m)}"
             )
-        message = f"the straight path to the goal {goal} is blocked: going as far as ({x_m:.2f}, {y_m:.2f})"
+        message = f"the straight path to the goal {goal} is blocked: going as far as {place_text(x_m, y_m)}"
         return PlanResult(path_m=line_m[:free], reason=message)
 
     def cell_costs(self, costmap: Costmap) -> CellCosts:

@@ -92,8 +92,8 @@ def validate_goal(
         x_end_m = grid.origin_x_m + cols * grid.resolution_m
         y_end_m = grid.origin_y_m + rows * grid.resolution_m
         raise ThumperError(
-            f"goal {goal} is outside the map (x {grid.origin_x_m:.2f} to {x_end_m:.2f} m, "
-            f"y {grid.origin_y_m:.2f} to {y_end_m:.2f} m): choose a goal inside it or a larger map"
+            f"goal {goal} is outside the map (x {grid.origin_x_m:z.2f} to {x_end_m:z.2f} m, "
+            f"y {grid.origin_y_m:z.2f} to {y_end_m:z.2f} m): choose a goal inside it or a larger map"
         )
     given = options or CostmapOptions()
     radius_cells = goal.tolerance_m / grid.resolution_m

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.texts import place_text
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.cell_costs import CellCosts, cost_at
@@ -112,5 +113,5 @@ def goal_end(
         return f"no path to the goal {goal}: it {where}"
     centre = np.array((nearest[1] + 0.5, nearest[0] + 0.5))
     x_m, y_m = costmap.origin_m + centre * costmap.resolution_m
-    message = f"the goal {goal} cannot be entered: going to ({x_m:.2f}, {y_m:.2f}) instead"
+    message = f"the goal {goal} cannot be entered: going to {place_text(x_m, y_m)} instead"
     return GoalEnd(nearest[0] * cols + nearest[1], centre, message)

@@ -30,6 +30,7 @@ SAME_VIEWPOINT_M = 0.3
 PATIENCE_S = 10.0  # another frontier may be easier to reach, and show the rest of this one
 HOME_TOLERANCE_M = 0.15
 NEAR_HOME_M = 0.5  # if something stands at home now
+NOTHING_LEFT = "nothing is left to explore: no frontier is reachable"
 MapAndPose = Callable[[], tuple[OccupancyGrid, Pose2]]
 
 
@@ -130,7 +131,7 @@ def _drive_to_frontiers(
             continue
         if frontier is None:
             explored = f"explored after {result.time_s:.0f} s: reached {reached} of {tried} frontiers"
-            return result, explored if tried else "nothing to explore here: no frontier is reachable"
+            return result, explored if tried else NOTHING_LEFT
         tried += 1
         approach, goal = _Approach(explorer, now, frontier), explorer.goal(frontier)
         try:

@@ -1,10 +1,13 @@
 """Starts the exploration that a client requests."""
 
+from dataclasses import replace
+
 from thumper.common.errors import ThumperError
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer
-from thumper.runtime.drive.exploration import MapAndPose, explore, home_at
+from thumper.runtime.drive.drive_manager import DriveManager
+from thumper.runtime.drive.exploration import NOTHING_LEFT, MapAndPose, explore, home_at
 from thumper.runtime.drive.task_driver import TaskDriver
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.publisher import Publisher
@@ -13,6 +16,7 @@ from thumper.runtime.service.preconditions import Preconditions
 from thumper.slam.mapper import SwitchesMode
 
 LIMIT_S = 900.0
+BACK = "back at the start"
 
 
 class ExplorationStarter:
@@ -23,6 +27,7 @@ class ExplorationStarter:
         *,
         footprint: Footprint,
         task_driver: TaskDriver,
+        drive_manager: DriveManager,
         now: MapAndPose,
         inputs: SensorInputs,
         publisher: Publisher,
@@ -30,6 +35,7 @@ class ExplorationStarter:
     ) -> None:
         self._footprint = footprint
         self._task_driver = task_driver
+        self._drive_manager = drive_manager
         self._now = now
         self._inputs = inputs
         self._publisher = publisher
@@ -51,7 +57,19 @@ class ExplorationStarter:
 
     def _explore(self, home: Goal) -> Task:
         explorer = Explorer(ExplorationOptions(), self._footprint)
-        report = self._publisher.publish_event
+        ending = ""
+
+        def report(text: str) -> None:
+            nonlocal ending
+            ending = text
+            self._publisher.publish_event(text)
+
         result = yield from explore(explorer, self._now, home, limit_s=LIMIT_S, report=report)
-        self._publisher.publish_event(f"{'back' if result.reached else 'not back'}: {result.reason}")
-        return result
+        if not result.reached:
+            self._publisher.publish_event(f"not back: {result.reason}")
+            return result
+        text = ending if ending == NOTHING_LEFT else f"{ending}; {BACK}"
+        self._drive_manager.reason = text  # instead of the home goal, which no user has set
+        if ending != NOTHING_LEFT:
+            self._publisher.publish_event(text)
+        return replace(result, reason=text)

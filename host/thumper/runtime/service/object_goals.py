@@ -6,6 +6,7 @@ from typing import Any
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
+from thumper.common.texts import place_text
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.filters import with_keepout
 from thumper.navigation.footprint import Footprint
@@ -43,6 +44,6 @@ class ObjectGoals:
         grid: OccupancyGrid = with_keepout(self.estimator.mapper.grid(), self.navigator.keepout)
         pose = facing_pose(thing, grid, state.hits_in_map_m, self.footprint) if state else None
         if pose is None:
-            at = f"({found.x_m:.2f}, {found.y_m:.2f})"
+            at = place_text(found.x_m, found.y_m)
             raise ThumperError(f"no free space before the {found.label} at {at}; choose a goal near it: X Y")
         return {**content, "x_m": pose.x_m, "y_m": pose.y_m, "yaw_rad": pose.theta_rad}

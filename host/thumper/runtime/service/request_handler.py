@@ -100,6 +100,7 @@ class RequestHandler:
         exploration = ExplorationStarter(
             footprint=storage.annotations.footprint,
             task_driver=task_driver,
+            drive_manager=drive_manager,
             now=map_to_explore(inputs.estimator, drive_manager.navigator),
             inputs=inputs,
             publisher=publisher,

@@ -189,7 +189,7 @@ def test_when_time_is_up_the_robot_returns() -> None:
 
 def test_nothing_to_explore() -> None:
     _, reports, _ = exploration(Drives())
-    assert reports == ["nothing to explore here: no frontier is reachable"]
+    assert reports == ["nothing is left to explore: no frontier is reachable"]
 
 
 def test_the_robot_drives_on_once_a_frontier_has_been_seen() -> None:
