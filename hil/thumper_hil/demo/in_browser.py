@@ -30,7 +30,7 @@ POLL_S = 0.2
 
 
 class DemoBus:
-    """The bus of all the demo's robots. While none of them runs, it tells the pages what happens."""
+    """The bus of all the demo's robots. While none of them runs, the pages show its notice."""
 
     def __init__(self, config: RobotConfig) -> None:
         """Open the bus; raise ThumperError if its address is in use."""
