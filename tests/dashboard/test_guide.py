@@ -7,7 +7,7 @@ import subprocess
 import sys
 from collections.abc import Coroutine
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, TypeVar
@@ -22,7 +22,7 @@ from thumper.common.geometry import Pose2
 from thumper.config.robot import load_config
 from thumper.dashboard.guide import guide as guide_module
 from thumper.dashboard.guide.command import StepCommand
-from thumper.dashboard.guide.guide import Guide, Step, judge_check, progress_text
+from thumper.dashboard.guide.guide import NO_BETTER, Guide, Step, judge_check, progress_text
 from thumper.dashboard.guide.robot_file import WORLDS, Ports, simulated_ports, write_robot_file
 from thumper.dashboard.guide.robot_watch import RobotWatch
 from thumper.dashboard.guide.step_controls import LANE_M
@@ -169,6 +169,35 @@ def test_a_run_that_ends_while_it_tunes_frees_the_guide() -> None:
     in_own_loop(guide._follow())
     assert [guide.step, guide.busy] == [Step.START, None]
     assert guide.outcomes[Step.START].text == "the robot has stopped: the board is gone"
+
+
+CHANGE = "tracking error at 4 rad/s² 0.150 → 0.080 rad/s"
+
+
+@pytest.mark.parametrize(
+    ("last", "is_tuned", "text"),
+    [
+        ("the board uses the new gains", True, f"the board uses the new gains: {CHANGE}. Keep them?"),
+        (NO_BETTER, False, f"{NO_BETTER}: {CHANGE}"),
+    ],
+)
+def test_tuning_ends_with_its_figures_and_only_better_gains_are_a_question(
+    last: str, is_tuned: bool, text: str
+) -> None:
+    state = ExperimentState(
+        running="tune", share=0.5, what="", lines=[CHANGE, last], problem="", has_report=True
+    )
+    states = [state, replace(state, running="")]
+    guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
+    guide.watch = SimpleNamespace(status=object(), restart=lambda: None)  # type: ignore[assignment]
+    guide._robot = SimpleNamespace(
+        query=lambda *_arguments, **_options: {"ok": True, **asdict(states.pop(0))}
+    )
+    guide.begin(Step.TUNE)
+    for _ in range(2):
+        in_own_loop(guide._follow_tuning())
+    assert (guide.is_tuned, guide.busy) == (is_tuned, None)
+    assert guide.outcomes[Step.TUNE].text == text
 
 
 def test_progress_of_unknown_length_has_no_share() -> None:

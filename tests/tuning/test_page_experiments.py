@@ -14,6 +14,7 @@ from thumper.lidar.options import LidarOptions
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.loop import RobotLoop
 from thumper.runtime.requests import EmergencyStop, Heartbeat, Query, RobotCommand
+from thumper_tuning.cli.page_experiments import WholeProgress
 
 
 @pytest.fixture
@@ -140,3 +141,16 @@ def test_only_one_experiment_at_a_time(robot: RobotLoop) -> None:
     assert robot.inputs.telemetry is not None
     assert robot.inputs.telemetry.fault is Fault.NONE
     assert not ask(robot, "experiment/report", {})["ok"]
+
+
+def test_progress_of_tuning_never_goes_back() -> None:
+    shares: list[float] = []
+    progress = WholeProgress(lambda done, total, what: shares.append(done / total))
+    for title in ("recording: pulses", "computing", "computing the gains"):
+        progress.report_progress(0, 0, title)
+    for _ in range(2):
+        progress.report_progress(0, 0, "returning to the start")
+        for done in range(101):
+            progress.report_progress(done, 100, f"verifying: {done}")
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0

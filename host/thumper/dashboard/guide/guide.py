@@ -29,6 +29,7 @@ SIMULATOR_TIMEOUT_S = 120.0
 FIRST_DRIVE_M = 0.3
 MISSION_END = re.compile(r"mission \d+ (reached|failed|ended): ")
 EXPLORED = re.compile(r"explored |nothing is left to explore|.*; back at the start$")
+NO_BETTER = "the new gains are no better; the board uses the old ones again"
 TURNED = "motor forward"  # in the lines of the wheel check
 
 
@@ -77,6 +78,18 @@ def progress_text(state: ExperimentState) -> str:
     return f"{state.share:.0%}: {state.what}" if state.share else state.what
 
 
+def tracking_changes(state: ExperimentState) -> str:
+    """Return the tracking error before and after tuning."""
+    return "; ".join(line for line in state.lines if line.startswith("tracking error"))
+
+
+def tuned_text(state: ExperimentState) -> str:
+    """Return what tuning brought."""
+    if state.lines[-1:] == [NO_BETTER]:
+        return f"{NO_BETTER}: {tracking_changes(state)}"
+    return f"the board uses the new gains: {tracking_changes(state)}. Keep them?"
+
+
 class Guide:
     """State and actions of the first run. Use it in the server's event loop only."""
 
@@ -86,7 +99,9 @@ class Guide:
         self.outcomes: dict[Step, StepOutcome] = {}
         self.config = config
         self.ports = ports
-        self.is_tuned = False
+        self.is_tuned = False  # and the user has to choose: keep the gains or not
+        self._is_tuning = False
+        self._change = ""  # of the tracking error, by tuning
         self.busy: Step | None = None
         self.watch = RobotWatch()
         self._bus_address = bus_address
@@ -138,7 +153,9 @@ class Guide:
             if self.config is None or self.ports is None:
                 self.config, self.ports = write_robot_file(Path(), name, ports), ports
             if self.ports.simulated:
+                self._set("warn", "starting the simulated robot; that takes about 5 s")
                 await self._start_simulator()
+                self.outcomes.pop(Step.ROBOT)
                 return f"a simulated robot: bare board, wheels in the air; {self.config}"
             return f"board {self.ports.board}, lidar {self.ports.lidar}: {self.config}"
 
@@ -192,9 +209,18 @@ class Guide:
 
         async def keep() -> str:
             await asyncio.to_thread(Parameters(self._connected).save)
-            return "the board keeps the new gains"
+            return f"the board keeps the new gains: {self._change}"
 
         await self._do(keep)
+
+    async def drop_gains(self) -> None:
+        """Return to the gains saved on the board."""
+
+        async def drop() -> str:
+            await asyncio.to_thread(Parameters(self._connected).revert)
+            return "the board uses its saved gains again"
+
+        await self._do(drop)
 
     async def save(self, name: str) -> None:
         """Save the map under a new name in the robot's library."""
@@ -243,12 +269,13 @@ class Guide:
             return
         state = await asyncio.to_thread(services.EXPERIMENT_STATE.call, self._connected)
         if state.running:
-            self.busy, self.is_tuned = Step.TUNE, False
+            self.busy, self.is_tuned, self._is_tuning = Step.TUNE, False, True
             self._set("warn", progress_text(state))
-        elif self.busy is Step.TUNE:
-            self.busy, self.is_tuned = None, not state.problem
-            text = state.problem or "tuned: the board uses the new gains; keep them?"
-            self._set("fail" if state.problem else "pass", text)
+        elif self._is_tuning:
+            self.busy, self._is_tuning = None, False
+            self.is_tuned = not state.problem and state.lines[-1:] != [NO_BETTER]
+            self._change = tracking_changes(state)
+            self._set("fail" if state.problem else "pass", state.problem or tuned_text(state))
 
     def _follow_event(self, text: str) -> None:
         if match := MISSION_END.match(text):

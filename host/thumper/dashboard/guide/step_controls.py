@@ -119,13 +119,13 @@ class StepControls:
 
     def _tune(self) -> None:
         _text(
-            "The robot drives back and forth on its own, measures both motors and sets matching gains. "
-            "STOP or leaving this page ends it."
+            "The robot drives back and forth on its own, measures both motors and sets matching gains. That "
+            "takes about two minutes. STOP or leaving this page ends it."
         )
         if self._guide.is_tuned:
             with box("tp-buttons"):
                 self._button("Keep the gains", self._guide.keep_gains)
-                self._button("Do not keep them", self._guide.advance, main=False)
+                self._button("Do not keep them", self._guide.drop_gains, main=False)
             return
         if self.confirming:
             message = {"kind": "experiment", "name": "tune", "lane_m": LANE_M}
@@ -133,8 +133,8 @@ class StepControls:
             self._confirm(question, "Yes, tune the wheels", None, message)
             return
         with box("tp-buttons"):
-            self._button("Tune", self._ask)
-            self._button("Skip", self._guide.advance, main=False)
+            self._button("Tune", self._ask, main=not self._has_passed)
+            self._next()
 
     def _drive(self) -> None:
         _text("Arm, then hold the joystick: up drives ahead. Release it: the robot stops. Drive 0.3 m.")
@@ -173,9 +173,13 @@ class StepControls:
 
     def _next(self) -> None:
         """Add the button that goes on: the main one once the step has succeeded."""
-        outcome = self._guide.outcomes.get(self._guide.step)
-        succeeded = outcome is not None and outcome.verdict == "pass"
+        succeeded = self._has_passed
         self._button("Continue" if succeeded else "Skip", self._guide.advance, main=succeeded)
+
+    @property
+    def _has_passed(self) -> bool:
+        outcome = self._guide.outcomes.get(self._guide.step)
+        return outcome is not None and outcome.verdict == "pass"
 
     def _ask(self) -> None:
         self.confirming = True
