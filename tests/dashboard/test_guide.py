@@ -200,6 +200,25 @@ def test_tuning_ends_with_its_figures_and_only_better_gains_are_a_question(
     assert guide.outcomes[Step.TUNE].text == text
 
 
+def test_a_map_is_saved_once_the_robot_reports_its_files() -> None:
+    guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
+    reports = ["map saved: maps/den.pgm, den.yaml, den.session", "the map was not saved: no space left"]
+    events: list[str] = []
+    guide.watch = SimpleNamespace(events=lambda: events, restart=events.clear)  # type: ignore[assignment]
+
+    def save(*_arguments: Any, **_options: Any) -> dict[str, Any]:
+        events.append(reports.pop(0))
+        return {"ok": True, "text": ""}
+
+    guide._robot = SimpleNamespace(query=save)
+    guide.begin(Step.SAVE)
+    in_own_loop(guide.save("den"))
+    assert (guide.step, guide.saved_map) == (Step.DONE, Path("maps/den.yaml"))
+    guide.begin(Step.SAVE)
+    in_own_loop(guide.save("den"))
+    assert (guide.step, guide.outcomes[Step.SAVE].verdict) == (Step.SAVE, "fail")
+
+
 def test_progress_of_unknown_length_has_no_share() -> None:
     state = ExperimentState(
         running="tune", share=0.0, what="computing", lines=[], problem="", has_report=False

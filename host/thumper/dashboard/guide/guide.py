@@ -30,6 +30,7 @@ FIRST_DRIVE_M = 0.3
 MISSION_END = re.compile(r"mission \d+ (reached|failed|ended): ")
 EXPLORED = re.compile(r"explored |nothing is left to explore|.*; back at the start$")
 NO_BETTER = "the new gains are no better; the board uses the old ones again"
+SAVED, NOT_SAVED = "map saved: ", "the map was not saved: "
 TURNED = "motor forward"  # in the lines of the wheel check
 
 
@@ -100,6 +101,7 @@ class Guide:
         self.config = config
         self.ports = ports
         self.is_tuned = False  # and the user has to choose: keep the gains or not
+        self.saved_map: Path | None = None
         self._is_tuning = False
         self._change = ""  # of the tracking error, by tuning
         self.busy: Step | None = None
@@ -227,10 +229,25 @@ class Guide:
 
         async def save() -> str:
             request = NamedMap(name=name)
-            reply = await asyncio.to_thread(services.LIBRARY_SAVE.call, self._connected, request)
-            return reply.text
+            self.watch.restart()
+            await asyncio.to_thread(services.LIBRARY_SAVE.call, self._connected, request)
+            files = await self._saved_files()
+            self.saved_map = Path(files[0]).with_suffix(".yaml")  # beside the image, the first of them
+            return f"saved {', '.join(files)}"
 
         await self._do(save)
+
+    async def _saved_files(self) -> list[str]:
+        """Wait for the robot's report of the map's files; raise ThumperError if they were not written."""
+        end_s = time.monotonic() + SAVE_TIMEOUT_S
+        while time.monotonic() < end_s:
+            for text in self.watch.events():
+                if text.startswith(NOT_SAVED):
+                    raise ThumperError(text)
+                if text.startswith(SAVED):
+                    return text.removeprefix(SAVED).split(", ")
+            await asyncio.sleep(WATCH_PERIOD_S)
+        raise ThumperError(f"the robot did not report its map in {SAVE_TIMEOUT_S:g} s; look under Map")
 
     async def run(self) -> None:
         """Follow what the robot does, until cancelled."""

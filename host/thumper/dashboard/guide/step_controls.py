@@ -165,10 +165,12 @@ class StepControls:
             self._button("Save the map", lambda: self._guide.save(self._map_name))
 
     def _done(self) -> None:
-        config = self._guide.config
+        command = f"thumper run --config {self._guide.config} --ui"
+        if self._guide.saved_map:
+            command += f" --map {self._guide.saved_map}"
         _text("The robot is set up, and its map is saved.")
         _text("Press Ctrl-C in the terminal to stop it. Start it the next time with:")
-        inline(f"<pre>thumper run --config {escape(str(config))} --ui</pre>")
+        inline(f"<pre>{escape(command)}</pre>")
         _text("It drives at 0.2 m/s at most until you delete that limit from the file.")
 
     def _next(self) -> None:
