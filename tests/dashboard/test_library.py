@@ -179,7 +179,11 @@ def test_the_page_saves_and_loads_maps(page: Page, robot: FakeRobot) -> None:
     page.keyboard.press("Enter")
     until(lambda: [ask.content for ask in queries_of(robot, "library/save")] == [{"name": "attic"}])
     robot.event("map saved: attic.pgm")
+    expect(page.locator(".tp-notice.good").last).to_have_text("map saved: attic.pgm")
     expect(page.locator(".tp-library [data-list=maps] li")).to_have_count(2)
+    expect(page.locator(".tp-library")).not_to_contain_text("REC is running")
+    robot.recording = True
+    expect(page.locator(".tp-library [data-list=recordings] li").last).to_contain_text("REC is running")
     page.click("[aria-label='Load the map flat']")
     until(lambda: [ask.content for ask in queries_of(robot, "library/load")] == [{"name": "flat"}])
     page.click("[aria-label='Download attic']")

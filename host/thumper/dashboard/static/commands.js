@@ -66,6 +66,14 @@ export function startCommands() {
   on("operator", (operator) => {
     document.body.classList.toggle("tp-watching", Boolean(operator) && operator !== state.pageId);
   });
+  let isSnapshot = false; // its events are old
+  on("snapshot", () => { isSnapshot = true; });
+  on("packet", () => { isSnapshot = false; });
+  on("events", (events) => {
+    for (const { text } of isSnapshot ? [] : events) {
+      if (/^map saved: |^the map was not saved: /.test(text)) notify(text, text.startsWith("map") ? "good" : "bad");
+    }
+  });
   on("server:refused", ({ text }) => notify(text, "bad"));
   on("server:note", ({ text }) => notify(text, "good"));
 }

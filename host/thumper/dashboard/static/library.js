@@ -33,6 +33,13 @@ export function library(root) {
     if (events.some(({ text }) => /^map saved|^recorded|^renamed|^deleted/.test(text))) refresh();
   });
 
+  let isRecording = Boolean(state.values.status?.recording);
+  on("status", ({ recording }) => {
+    if (Boolean(recording) === isRecording) return;
+    isRecording = Boolean(recording);
+    refresh();
+  });
+
   function addButton(row, text, label, action, icon = "") {
     const button = row.appendChild(document.createElement("button"));
     button.type = "button";
@@ -109,6 +116,10 @@ export function library(root) {
     addButton(row, "Keep", `Keep ${name}`, back).focus();
   }
 
+  function addHint(list, text) {
+    list.appendChild(document.createElement("li")).textContent = text;
+  }
+
   async function refresh() {
     let content = { maps: [], recordings: [] };
     try {
@@ -122,7 +133,8 @@ export function library(root) {
       const list = root.querySelector(`[data-list=${which}]`);
       list.replaceChildren();
       content[which].forEach((item) => addRow(list, item, path(item), which === "maps"));
-      if (!list.children.length) list.appendChild(document.createElement("li")).textContent = hint;
+      if (which === "recordings" && isRecording) addHint(list, "REC is running. The recording appears here when it ends.");
+      if (!list.children.length) addHint(list, hint);
     }
   }
   refresh();
