@@ -23,6 +23,9 @@ const PLOTS = [
   { title: "Right · PWM (max 255)", columns: [8, 9], ...PWM },
 ];
 
+// A quarter of the height: uPlot's increments are 1, 2, 2.5 and 5, so every y axis has at least two labels.
+const labelSpace = (_chart, _axis, _low, _high, height) => Math.max(10, height / 4);
+
 class Charts {
   constructor(root) {
     this.rows = []; // each in the order of COLUMNS
@@ -108,7 +111,7 @@ class Charts {
         x: { time: false, range: () => [-this.window_s, 0] },
         y: { range: (_, low, high) => [Math.min(low ?? 0, -minTop / 4), Math.max(high ?? 0, minTop)] },
       },
-      axes: [{ ...axis, size: 24, values: (_, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 38 }],
+      axes: [{ ...axis, size: 24, values: (_, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 38, space: labelSpace }],
       series: [
         {},
         ...names.map((label, k) => ({
