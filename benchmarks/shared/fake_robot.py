@@ -78,6 +78,7 @@ class FakeRobot:
     recording: bool = False
     goal: Pose2 | None = None
     battery_V: float = 7.62
+    reason: str = ""  # empty: that of its goal
     received: list[tuple[float, Request]] = field(default_factory=list)
     parameters: dict[str, float] = field(default_factory=dict)
     simulated_faults: dict[str, Any] = field(default_factory=dict)
@@ -112,6 +113,7 @@ class FakeRobot:
         self.fault, self.fault_words, self.fault_cure = Fault.NONE, "", ""
         if self.annotations:
             self.annotate(Annotations())
+        self.reason = ""
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
         self.state = State.CLOSED_LOOP
         self.simulated_faults, self.experiment, self.has_sensors = {}, "", False
@@ -325,7 +327,7 @@ class FakeRobot:
             time_s=now_s,
             robot="thumper",
             mode="driving" if goal else "idle",
-            reason="following the plan" if goal else "waiting for a goal",
+            reason=self.reason or ("following the plan" if goal else "waiting for a goal"),
             simulated=self.simulated,
             recording=self.recording,
             has_goal=goal is not None,

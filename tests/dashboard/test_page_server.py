@@ -14,6 +14,9 @@ from thumper.runtime.requests import EmergencyStop
 def test_page_reconnects_to_a_restarted_server(page: Page, server: Server, robot: FakeRobot) -> None:
     server.kill()
     expect(page.locator("#tp-banner")).to_contain_text("No connection")
+    for name in (".tp-battery", ".tp-board", ".tp-arm"):
+        expect(page.locator(name)).to_have_css("opacity", "0.45")  # not live
+    expect(page.locator("[data-field=rtt]").first).to_have_text("\u2013")
     server.start()
     page.wait_for_function("document.querySelector('#tp-banner')?.textContent === 'Simulated robot'")
     # The page may be reloading at this moment: press stop until the page reports it.

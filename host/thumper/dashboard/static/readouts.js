@@ -113,6 +113,7 @@ function refresh() {
     const { field } = element.dataset;
     const text = String(FIELDS[field]?.(DRAWN.has(field) ? state.shown : values) ?? "");
     if (element.textContent !== text) element.textContent = text;
+    if (field === "reason" && element.title !== text) element.title = text; // a low screen cuts it
   }
   const [kind, text] = bannerContent(values);
   const banner = document.getElementById("tp-banner");

@@ -137,6 +137,7 @@ function handleText(text) {
 function setConnected(connected) {
   if (state.connected === connected) return;
   state.connected = connected;
+  if (!connected) state.rttMs = null;
   emit("connected", connected);
 }
 
