@@ -54,6 +54,16 @@ def test_the_solutions_of_the_exercises_pass_their_tests() -> None:
     assert len(solutions) == 5, "nbconvert removes these for the students"
 
 
+def test_without_the_solutions_each_exercise_has_the_head_of_its_function() -> None:
+    notebook = nbformat.read(TUTORIALS / "exercises.ipynb", as_version=4)  # type: ignore[no-untyped-call]
+    heads: dict[bool, set[str]] = {True: set(), False: set()}
+    for cell in notebook.cells:
+        is_solution = "solution" in cell["metadata"].get("tags", [])
+        heads[is_solution].update(re.findall(r"^def (\w+)\(", cell["source"], re.MULTILINE))
+    assert heads[True] == {"odometry", "pi_gains", "build_map", "shortest_path", "localize"}
+    assert heads[True] <= heads[False]
+
+
 def test_a_live_picture_follows_the_robot() -> None:
     cells = [
         "from thumper import Robot\nrobot = Robot('sim://').__enter__()\nrobot.show()",
