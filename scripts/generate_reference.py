@@ -39,7 +39,7 @@ def cli_page() -> str:
         "## Exit codes\n",
         "| code | meaning |",
         "|---|---|",
-        "| 0 | success; also Ctrl-C on a robot that runs without a goal |",
+        "| 0 | success; also after Ctrl-C, if the robot has no goal |",
         "| 1 | the task failed: goal not reached, no path |",
         "| 2 | invalid input |",
         "| 3 | a device or the addressed robot is missing or does not answer |",
