@@ -39,6 +39,9 @@ def test_a_robot_that_serves_saves_its_map_at_ctrl_c(tmp_path: Path) -> None:
     assert "is running" in process.stdout.readline()
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(3.0)
+    another = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert "is another robot process running?" in another.stderr
+    assert another.stdout == "", "it takes the map of the running robot for that of an interrupted one"
     process.send_signal(signal.SIGINT)
     output, _ = process.communicate(timeout=60)
     assert process.returncode == 0

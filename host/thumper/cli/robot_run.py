@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from thumper.bus.serve_robot import on_bus, on_bus_if_free
+from thumper.bus.zenoh_session import check_address_free
 from thumper.cli.options.record import recorded
 from thumper.cli.output.compile_progress import compile_progress
 from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
@@ -79,6 +80,8 @@ def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = 
     A robot that is `serving` needs the bus, and saves its map on request; for a drive both are optional. If
     the last run did not end regularly, the robot resumes its map at the pose that was saved last.
     """
+    if serving:
+        check_address_free(settings.bus.address)  # the interrupted session may be that of a running robot
     known = load_start_map(settings, options.saved_map, options.session)
     start, path = options.start_pose, options.saved_map or options.session
     datum = load_datum(options.saved_map) if options.saved_map else None
