@@ -61,8 +61,9 @@ def test_a_wheel_held_by_the_floor_is_no_stall(left_rad_s: float, right_rad_s: f
 )
 def test_a_dead_encoder_is_still_found(left_rad_s: float, limit_rad: float, stall_current_A: float) -> None:
     """A wheel that turns draws less than one that is held."""
-    fault, _, turned_rad = drive(left_rad_s, 2.0, wiring="cut", stall_current_A=stall_current_A)
+    fault, time_s, turned_rad = drive(left_rad_s, 2.0, wiring="cut", stall_current_A=stall_current_A)
     assert fault is Fault.STALL_LEFT
+    assert time_s < 5.0
     assert abs(turned_rad) < limit_rad
 
 

@@ -30,7 +30,10 @@ EXCHANGED: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "encoders": ((LEFT, "OTHER"), (RIGHT, LEFT), ("OTHER", RIGHT)),
 }
-AT_SPEED_US = 1_300_000  # measured: 0.5 to 1.2 s (docs/porting.md); a control tick of margin
+TURN_US, SHALLOW_US = (
+    1_300_000,
+    2_200_000,
+)  # measured: up to 1.2 and 2.1 s (docs/porting.md); a tick of margin
 
 
 @pytest.fixture(scope="module", params=EXCHANGED)
@@ -70,18 +73,34 @@ def test_a_turn_in_place_ends_in_a_named_fault_within_300_ms_of_pwm(elf: Path, p
     assert after_us <= 300_000
 
 
-@pytest.mark.parametrize("speeds", [(2000, -2000), (4000, 0), (6000, 3000)])
-def test_turns_and_arcs_in_closed_loop_end_in_a_named_fault(elf: Path, speeds: tuple[int, int]) -> None:
-    fault, after_us = fault_of(elf, SetWheelSpeeds(left=speeds[0], right=speeds[1]), 2.0)
+@pytest.mark.parametrize(
+    ("left", "right", "limit_us"),
+    [
+        (2000, -2000, TURN_US),
+        (4000, 0, TURN_US),
+        (6000, 3000, TURN_US),
+        (3000, 2000, SHALLOW_US),
+        (6000, 5000, SHALLOW_US),
+    ],
+)
+def test_turns_and_arcs_in_closed_loop_end_in_a_named_fault(
+    elf: Path, left: int, right: int, limit_us: int
+) -> None:
+    fault, after_us = fault_of(elf, SetWheelSpeeds(left=left, right=right), 3.0)
     assert fault in {Fault.REVERSED_LEFT, Fault.REVERSED_RIGHT}
-    assert after_us <= AT_SPEED_US
+    assert after_us <= limit_us
 
 
 @pytest.mark.parametrize(
     "command",
-    [SetWheelSpeeds(left=4000, right=4000), SetMotorPwm(left=130, right=130), SetMotorPwm(left=130, right=0)],
+    [
+        SetWheelSpeeds(left=4000, right=4000),
+        SetMotorPwm(left=130, right=130),
+        SetMotorPwm(left=130, right=0),
+        SetMotorPwm(left=130, right=100),
+    ],
 )
-def test_nothing_shows_it_straight_ahead_or_with_one_motor(elf: Path, command: Message) -> None:
+def test_nothing_shows_it_straight_ahead_or_in_arcs_by_pwm(elf: Path, command: Message) -> None:
     """A known limit. Straight ahead both sides get the same; one motor drags the other wheel along, which
     then counts as commanded. `thumper doctor --spin`, with the wheels in the air, names it."""
     assert fault_of(elf, command, 2.0)[0] is Fault.NONE

@@ -214,6 +214,8 @@ def main() -> int:
             addresses, found = sweep(ELF, PHASES[phase], interrupt, arguments.visits)
             reached |= addresses
             failures += [f"{phase}, {text}" for text in found]
+        if not reached:
+            failures.append("no instruction was swept")
         failed = failed or bool(failures)
         seconds = spent_s() - start_s
         share = f"{len(reached)} of {len(every)} instructions"
