@@ -12,12 +12,12 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
 from thumper.recording.mcap_file import McapFile
 from thumper.ros.codec import encode, message
-from thumper_tuning.logs.column_names import Quantity
+from thumper_tuning.logs.column_names import SHOWN_UNITS, Quantity
 from thumper_tuning.logs.columns import parse_header
 from thumper_tuning.logs.guess_units import guess_time_unit
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.logs.read import read_logs
-from thumper_tuning.logs.roles import parse_choices
+from thumper_tuning.logs.roles import Role, motor_columns, parse_choices
 
 ROWS = 500
 TIME_S = np.arange(ROWS, dtype=float) * 0.1
@@ -134,13 +134,25 @@ def test_a_file_of_numbers_alone_needs_the_columns(tmp_path: Path) -> None:
         ("drive", "pass ROLE=HEADER"),
         ("drive=z", r"no column 'z' \(columns: a, b, c\)"),
         ("drive=9", "no column '9'"),
-        ("time=a:furlong", "unknown unit 'furlong'"),
+        ("time=a:furlong", "unknown unit 'furlong'; pass --column time=a:UNIT with one of: s, ms, us"),
+        ("output=c:blorp", "one of: counts, rad, deg, rev, rad/s, deg/s, rev/s, rpm, counts/s"),
     ],
 )
 def test_a_wrong_choice_is_named(tmp_path: Path, choice: str, message_: str) -> None:
     path = write(tmp_path / "log.csv", "a,b,c", TIME_S, PWM, COUNTS)
     with pytest.raises(ThumperError, match=message_):
         read_logs(path, choices={**parse_choices(["output=c"]), **parse_choices([choice])})
+
+
+def test_the_units_of_an_error_are_known(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", "a,b,c", TIME_S, PWM, COUNTS)
+    headers = {Role.TIME: "a", Role.DRIVE: "b", Role.OUTPUT: "c"}
+    for role in headers:
+        for unit in (unit for quantity in role.value for unit in SHOWN_UNITS.get(quantity, ())):
+            choices = {
+                other: (f"{name}:{unit}" if other is role else name,) for other, name in headers.items()
+            }
+            motor_columns(path, ("a", "b", "c"), choices)
 
 
 @pytest.mark.parametrize(("header", "unit"), [("Drehzahl", "rpm"), ("vel", "rad/s")])

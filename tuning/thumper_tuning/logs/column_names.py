@@ -100,6 +100,16 @@ UNITS: dict[Quantity, dict[str, float]] = {
     Quantity.BATTERY: {"v": 1.0, "mv": 1e-3},
     Quantity.DIRECTION: {"": 1.0},
 }  # fmt: skip
+# The units as errors list them.
+SHOWN_UNITS = {
+    Quantity.TIME: ("s", "ms", "us", "ns", "min"),
+    Quantity.PWM: ("pwm", "duty", "%"),
+    Quantity.VOLTAGE: ("V", "mV"),
+    Quantity.COUNTS: ("counts", "rad", "deg", "rev"),
+    Quantity.SPEED: ("rad/s", "deg/s", "rev/s", "rpm", "counts/s"),
+    Quantity.CURRENT: ("A", "mA"),
+    Quantity.BATTERY: ("V", "mV"),
+}
 COUNT_SPEEDS = ("steps s", "counts s", "ticks s", "count s", "cps", "pulses s")
 RPM_NAMES = frozenset(("drehzahl", "motordrehzahl", "toerental", "otacky", "obroty"))  # turns per minute
 SIDES = {

@@ -3,7 +3,7 @@
 import math
 import re
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -19,6 +19,7 @@ from thumper_tuning.logs.column_names import (
     QUALIFIERS,
     RPM_NAMES,
     SETPOINTS,
+    SHOWN_UNITS,
     SIDES,
     UNITS,
     Quantity,
@@ -159,12 +160,12 @@ def _with_unit(
     )
 
 
-def unit_error(column: Column) -> ThumperError:
-    """Return the error for a needed column whose unit is unknown."""
-    example = next(iter(UNITS.get(column.quantity, {"": 1.0}))).replace(" ", "_") or "raw"
+def unit_error(column: Column, role: str, quantities: Iterable[Quantity]) -> ThumperError:
+    """Return the error for the column of a role, which may hold `quantities`, whose unit is unknown."""
+    known = ", ".join(unit for quantity in quantities for unit in SHOWN_UNITS.get(quantity, ()))
     return ThumperError(
-        f"column {column.header!r}: unknown unit {column.unknown_unit!r}; rename it, for example to "
-        f"{column.quantity.value}_{example}, or pass its unit: --column ROLE={column.header}:UNIT",
+        f"column {column.header!r}: unknown unit {column.unknown_unit!r}; pass --column "
+        f"{role}={column.header}:UNIT with one of: {known}",
         exit_code=EXIT_CHECK_FAILED,
     )
 

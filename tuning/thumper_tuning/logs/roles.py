@@ -127,7 +127,7 @@ def motor_columns(path: Path, headers: tuple[str, ...], choices: Choices) -> dic
                 f"{role.name.lower()}=HEADER"
             )
         if column.unknown_unit:
-            raise unit_error(column)
+            raise unit_error(column, role.name.lower(), role.value)
         return column
 
     return {
@@ -199,7 +199,9 @@ def _picked(path: Path, headers: tuple[str, ...], role: Role, text: str) -> Colu
     fitting = [c for c in candidates if not c.unknown_unit]
     if fitting:
         return replace(fitting[0], motor=motor)
-    raise unit_error(candidates[0]) if candidates else log_error(f"{path}: column {header!r}: unknown unit")
+    if candidates:
+        raise unit_error(candidates[0], role.name.lower(), role.value)
+    raise log_error(f"{path}: column {header!r}: unknown unit")
 
 
 def _index(headers: tuple[str, ...], name: str) -> int | None:
