@@ -17,7 +17,7 @@ from thumper_tuning.logs.columns import parse_header
 from thumper_tuning.logs.guess_units import guess_time_unit
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.logs.read import read_logs
-from thumper_tuning.logs.roles import Role, motor_columns, parse_choices
+from thumper_tuning.logs.roles import Choices, Role, motor_columns, parse_choices
 
 ROWS = 500
 TIME_S = np.arange(ROWS, dtype=float) * 0.1
@@ -149,7 +149,7 @@ def test_the_units_of_an_error_are_known(tmp_path: Path) -> None:
     headers = {Role.TIME: "a", Role.DRIVE: "b", Role.OUTPUT: "c"}
     for role in headers:
         for unit in (unit for quantity in role.value for unit in SHOWN_UNITS.get(quantity, ())):
-            choices = {
+            choices: Choices = {
                 other: (f"{name}:{unit}" if other is role else name,) for other, name in headers.items()
             }
             motor_columns(path, ("a", "b", "c"), choices)
@@ -193,8 +193,8 @@ def test_matlab_files(tmp_path: Path) -> None:
         read_logs(path)
 
 
-def record_joints(path: Path, drive: FloatArray, topics: dict[str, str]) -> Path:
-    """Record a ROS 2 robot with one wheel; the drive is its effort, or goes to topics of a std_msgs type."""
+def record_joints(path: Path, drive: FloatArray, topics: dict[str, str], joints: int = 1) -> Path:
+    """Record a ROS 2 robot of equal wheels; the drive is their effort, or goes to topics of std_msgs."""
     file = McapFile(path, {})
     for k, time_s in enumerate(TIME_S):
         stamp_ns = round(1e9 * (time_s + 1.7e9))
@@ -203,15 +203,15 @@ def record_joints(path: Path, drive: FloatArray, topics: dict[str, str]) -> Path
         for topic, type_name in topics.items():
             value = round(drive[k]) if "Int" in type_name else drive[k]
             file.add(topic, type_name, stamp_ns, encode(message(type_name, data=value)))
-        joints = message(
+        state = message(
             "sensor_msgs/msg/JointState",
             header=header,
-            name=["wheel"],
-            position=np.array([COUNTS[k] * COUNT_RAD]),
+            name=["wheel", "other"][:joints],
+            position=np.full(joints, COUNTS[k] * COUNT_RAD),
             velocity=np.zeros(0),
-            effort=np.zeros(0) if topics else drive[k : k + 1],
+            effort=np.zeros(0) if topics else np.full(joints, drive[k]),
         )
-        file.add("/joint_states", joints.__msgtype__, stamp_ns, encode(joints))
+        file.add("/joint_states", state.__msgtype__, stamp_ns, encode(state))
     file.close()
     return path
 
@@ -241,6 +241,22 @@ def test_the_unit_of_a_command_can_be_chosen(tmp_path: Path) -> None:
     path = record_joints(tmp_path / "log.mcap", PWM / 4.0, {"/wheel/cmd": FLOAT})
     assert any("pass --column drive=command_V:UNIT" in warning for warning in read_logs(path)[0].warnings)
     assert_wheel(read_logs(path, choices=parse_choices(["drive=command_V:pwm"])), 0.25)
+
+
+def test_a_truncated_recording_is_named(tmp_path: Path) -> None:
+    path = record_joints(tmp_path / "log.mcap", PWM, {})
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-300])  # within the index: all messages are left
+    assert any("damaged file: log.mcap ends early" in warning for warning in read_logs(path)[0].warnings)
+    path.write_bytes(whole[: len(whole) // 8])
+    with pytest.raises(ThumperError, match=r"damaged file: log\.mcap ends early.*copy the file again"):
+        read_logs(path)
+
+
+def test_each_motor_has_the_note_of_its_own_joint(tmp_path: Path) -> None:
+    path = record_joints(tmp_path / "log.mcap", PWM, {}, joints=2)
+    for motor, log in zip(("m1", "m2"), read_logs(path), strict=True):
+        assert [warning.split(" is joint")[0] for warning in log.warnings] == [motor]
 
 
 def test_several_possible_commands_are_named(tmp_path: Path) -> None:

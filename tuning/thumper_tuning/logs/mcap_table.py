@@ -1,6 +1,7 @@
 """Read MCAP recordings: the wheels topic of Thumper, or JointState and a command of another ROS 2 robot."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,8 @@ def read_mcap_table(path: Path) -> LogTable:
     from thumper.recording.reader import Recording  # loads the ROS 2 types
 
     topics: dict[str, dict[str, Messages]] = {WHEELS: {}, JOINTS: {}, "": {}}
-    for recorded in Recording((path,)).messages():
+    recording = Recording((path,))
+    for recorded in recording.messages():
         kind = "" if NUMBERS.fullmatch(recorded.type_name) else recorded.type_name
         if kind in topics:
             try:
@@ -44,10 +46,16 @@ def read_mcap_table(path: Path) -> LogTable:
             except (ValueError, KeyError):
                 continue  # a damaged message
             topics[kind].setdefault(recorded.topic, []).append((recorded.log_ns, message))
+    damage = tuple(f"damaged file: {note}" for note in recording.notes)
     if topics[WHEELS]:
-        return _wheels(_longest(topics[WHEELS]))
+        return replace(_wheels(_longest(topics[WHEELS])), notes=damage)
     if topics[JOINTS]:
-        return _joints(path, _longest(topics[JOINTS]), topics[""])
+        return replace(_joints(path, _longest(topics[JOINTS]), topics[""]), notes=damage)
+    if damage:
+        raise log_error(
+            f"{path}: {damage[0]}; its readable part has no {WHEELS} or {JOINTS} messages, and "
+            "`thumper recover` finds no more; copy the file again, or record again"
+        )
     raise log_error(f"{path}: no {WHEELS} or {JOINTS} messages in it; record one of them")
 
 
@@ -69,7 +77,7 @@ def _joints(path: Path, joints: Messages, numbers: dict[str, Messages]) -> LogTa
     joints = [(log_ns, m) for log_ns, m in joints if [str(name) for name in m.name] == names]
     time_ns = np.array([_stamp_ns(message) or log_ns for log_ns, message in joints], dtype=float)
     columns: list[FloatArray] = [1e-9 * (time_ns - time_ns[0])]
-    headers, notes = ["time_s"], []
+    headers, notes = ["time_s"], {}
     logged_ns = np.array([log_ns for log_ns, _ in joints])
     for k, name in enumerate(names):
         fields = (f for f in ("position", "velocity") if all(len(getattr(m, f)) > k for _, m in joints))
@@ -88,11 +96,11 @@ def _joints(path: Path, joints: Messages, numbers: dict[str, Messages]) -> LogTa
         header = f"{motor}{'command' if topic else 'effort'}_{unit}"
         headers += [header, f"{motor}position_rad" if output == "position" else f"{motor}speed_rad_s"]
         columns += [drive, np.array([getattr(m, output)[k] for _, m in joints], dtype=float)]
-        notes.append(
+        notes[header] = (
             f"{motor.rstrip('_') or 'the motor'} is joint {name!r}, its drive is {source}, taken as "
             f"{UNITS[unit]}; else pass --column drive={header}:UNIT"
         )
-    return LogTable(headers=tuple(headers), values=np.column_stack(columns), notes=tuple(notes))
+    return LogTable(headers=tuple(headers), values=np.column_stack(columns), drive_notes=notes)
 
 
 def _command_topic(path: Path, numbers: dict[str, Messages], joint: str, joints: int) -> str:

@@ -101,7 +101,8 @@ def _motor_log(
     rows = _usable_rows(path, columns, values)
     if columns.direction is not None:
         _apply_direction(rows, columns, values[columns.direction][rows.rows])
-    rows.warnings[:0] = [*table.notes, *guesses]
+    drive_note = table.drive_notes.get(columns.drive.header)
+    rows.warnings[:0] = [*table.notes, *([drive_note] if drive_note else []), *guesses]
     if warning := check_drive(rows.drive, columns.drive_unit, columns.drive.header):
         rows.warnings.append(warning)
     supply_V = _refer_drive_to_mean_supply(rows, columns, values)

@@ -1,7 +1,7 @@
 """Read a table of numbers from a text file with any separator, decimal sign and preamble."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ class LogTable:
     headers: tuple[str, ...]
     values: FloatArray
     notes: tuple[str, ...] = ()
+    drive_notes: Mapping[str, str] = field(default_factory=dict)  # of the motor with the drive of this header
 
 
 def read_table(path: Path) -> LogTable:
