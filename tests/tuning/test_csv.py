@@ -125,6 +125,20 @@ def test_fast_rows_with_clipped_speeds(fit: Fit) -> None:
     assert "saturated" in str(result["warnings"])
 
 
+def test_clipped_speeds_may_be_coarse(fit: Fit) -> None:
+    """One count is 3 % of the ceiling; the drives there differ by more than that."""
+    time_s = 0.02 * np.arange(750.0)
+    pwm = np.repeat(
+        (0.0, 60.0, 0.0, 110.0, 0.0, -60.0, 0.0, -160.0, 0.0, 255.0, 0.0, -255.0, 0.0, 110.0, 0.0), 50
+    )
+    counts = counted(WHEEL.drive(time_s, pwm, 4))
+    speed = np.diff(counts, prepend=counts[0]) * COUNT_RAD / 0.02
+    result = fit("time_s,pwm,speed_rad_s", time_s, pwm, speed.clip(-8.0, 8.0))
+    assert result["gain_rad_s_per_pwm"] == pytest.approx(WHEEL.gain, rel=0.03)
+    assert result["static_friction_pwm"] == pytest.approx(WHEEL.friction, abs=2.0)
+    assert "saturated" in str(result["warnings"])
+
+
 def test_a_reversed_encoder_gives_a_warning(fit: Fit) -> None:
     result = fit(NAMES, TIME_S, PWM, -COUNTS)
     assert_good(result)

@@ -7,8 +7,8 @@ import numpy as np
 from thumper_tuning.identify.segments import LogSegment, all_speeds
 
 MIN_SHARE = 0.08  # of the windows are at the maximum
-MAX_QUANTUM_SHARE = 0.03  # of it: coarser speeds repeat without being clipped
-DRIVE_RATIO = 1.08  # of the drives at the maximum, 95th over 20th percentile
+DRIVE_SPREAD = 0.08  # of the drives at the maximum, from 20th to 95th percentile
+SPREAD_QUANTA = 2.0  # of the maximum: a smaller spread may hide in coarse speeds that are not clipped
 
 
 def with_ceiling(segments: list[LogSegment]) -> list[LogSegment]:
@@ -23,7 +23,7 @@ def _ceiling_rad_s(segments: list[LogSegment]) -> float:
     at_top = speed >= top * (1.0 - 1e-9)
     if not speed.any() or at_top.mean() < MIN_SHARE:
         return np.inf
-    if max(s.quantum_rad_s for s in segments) > MAX_QUANTUM_SHARE * top:
-        return np.inf
+    quantum = max(s.quantum_rad_s for s in segments) / top
     drive = np.abs(np.concatenate([s.drive_at_windows() for s in segments]))[at_top]
-    return top if np.percentile(drive, 95) > DRIVE_RATIO * np.percentile(drive, 20) else np.inf
+    low, high = np.percentile(drive, (20, 95))
+    return top if high > (1.0 + max(DRIVE_SPREAD, SPREAD_QUANTA * quantum)) * low else np.inf
