@@ -139,6 +139,26 @@ def test_clipped_speeds_may_be_coarse(fit: Fit) -> None:
     assert "saturated" in str(result["warnings"])
 
 
+def test_speeds_of_one_count_are_named_as_too_coarse(fit: Fit) -> None:
+    """48 counts per revolution over 10 ms, logged each 5 ms: one count is 13 rad/s."""
+    time_s = 0.005 * np.arange(3000.0)
+    pwm = np.repeat(np.tile((0.0, 90.0, 0.0, -140.0, 0.0, 200.0), 5), 100)
+    counts = np.floor(WHEEL.drive(time_s, pwm, 4) * 48.0 / math.tau)
+    speed = (counts - np.concatenate(([0.0, 0.0], counts[:-2]))) * math.tau / 48.0 / 0.01
+    with pytest.raises(ThumperError, match=r"too coarse.*the values 0, 13\.1 rad/s.*log the counts"):
+        fit("time_s,pwm,speed_rad_s", time_s, pwm, speed)
+
+
+def test_a_kind_of_stretch_that_does_not_move_is_not_scored(fit: Fit) -> None:
+    """1.5 s of rest are no steps that the model fails to predict."""
+    time_s = 0.02 * np.arange(1000.0)
+    pwm = np.where(time_s < 1.5, 0.0, np.round(180.0 * np.cos(2.0 * (time_s - 1.5))))
+    speed = np.diff(counted(WHEEL.drive(time_s, pwm, 4)), prepend=0.0) * COUNT_RAD / 0.02
+    result = fit("time_s,pwm,speed_rad_s", time_s, pwm, speed)
+    assert set(result["fit_percent_by_kind"]) == {"ramps"}  # type: ignore[call-overload]
+    assert "held-out steps" not in str(result["warnings"])
+
+
 def test_a_reversed_encoder_gives_a_warning(fit: Fit) -> None:
     result = fit(NAMES, TIME_S, PWM, -COUNTS)
     assert_good(result)

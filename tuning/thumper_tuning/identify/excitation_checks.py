@@ -21,6 +21,7 @@ MIN_DURATION_S = 3.0
 LEVEL_RATIO = 1.15  # two drive levels are different if they are this far apart
 MAX_RELATIVE_STD = {"gain": 0.15, "time_constant": 0.3}
 MIN_FIT_PERCENT = 40.0
+MAX_COARSE_VALUES = 4  # of the speed, without sign
 MIN_FRICTION_RATIO = -0.2  # friction over the largest drive: more than a nonlinear driver explains
 
 
@@ -101,7 +102,26 @@ def _check_levels(name: str, unit: DriveUnit, drive: FloatArray) -> None:
     )
 
 
-def check_model(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, largest_drive: float) -> None:
+def no_model(name: str, segments: list[LogSegment]) -> ThumperError:
+    """Return the error for a log whose speeds no model explains."""
+    if coarse := _coarse_speeds(segments):
+        return log_error(f"{name}: {coarse}")
+    return log_error(f"{name}: the speed does not follow the drive; check columns, units and sign; {RECORD}")
+
+
+def _coarse_speeds(segments: list[LogSegment]) -> str:
+    """Return what is wrong with logged speeds of few values, and the cure; empty: they have many."""
+    values = np.unique(np.round(np.abs(np.concatenate([s.speed_rad_s for s in segments])), 6))
+    if segments[0].sensor_window_s is None or len(values) > MAX_COARSE_VALUES:
+        return ""
+    texts = ", ".join(f"{value:.3g}" for value in values)
+    return (
+        f"the speeds are too coarse: they have only the values {texts} rad/s, as one encoder count is "
+        "a large speed over so short a time; log the counts, or speeds over a longer time"
+    )
+
+
+def check_model(name: str, fit: Fit, fit_percent: float, segments: list[LogSegment], unit: DriveUnit) -> None:
     """Reject a model that cannot be a motor's, or does not even describe the speeds that it is fitted to.
 
     Raises
@@ -109,8 +129,9 @@ def check_model(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, larges
     ThumperError
         The model is impossible, or does not describe the log.
     """
-    check_percent(name, fit_percent)
+    check_percent(name, fit_percent, segments)
     friction = fit.model.friction
+    largest_drive = max(float(np.abs(s.drive).max()) for s in segments)
     if friction < MIN_FRICTION_RATIO * largest_drive:
         raise log_error(
             f"{name}: the estimated static friction is {friction:.3g} {unit.value}: at high drive the "
@@ -118,7 +139,7 @@ def check_model(name: str, fit: Fit, fit_percent: float, unit: DriveUnit, larges
         )
 
 
-def check_percent(name: str, fit_percent: float, what: str = "speeds") -> None:
+def check_percent(name: str, fit_percent: float, segments: list[LogSegment], what: str = "speeds") -> None:
     """Reject a model that explains too little.
 
     Raises
@@ -127,9 +148,11 @@ def check_percent(name: str, fit_percent: float, what: str = "speeds") -> None:
         The model does not describe the log.
     """
     if fit_percent < MIN_FIT_PERCENT:
+        cause = _coarse_speeds(segments) or (
+            f"check units, sign and that each row holds the drive applied until the next; else {RECORD}"
+        )
         raise log_error(
-            f"{name}: the model explains only {max(fit_percent, 0.0):.0f} % of the {what}: check "
-            f"units, sign and that each row holds the drive applied until the next; else {RECORD}"
+            f"{name}: the model explains only {max(fit_percent, 0.0):.0f} % of the {what}: {cause}"
         )
 
 

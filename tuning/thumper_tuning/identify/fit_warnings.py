@@ -147,7 +147,7 @@ def _feedback_warnings(
     if share > FEEDBACK_SIGMAS / np.sqrt(len(change)):
         yield (
             f"recorded in closed loop, and the drive reacts to what the model does not explain (correlation "
-            f"{share:.2f}): gain and time constant are biased; record open-loop steps to check"
+            f"{share:.2f}): gain and time constant may be biased; record open-loop steps to check"
         )
     else:
         yield "recorded in closed loop; no bias by the feedback is visible"

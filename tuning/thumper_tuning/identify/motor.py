@@ -12,11 +12,11 @@ from thumper.common.errors import ThumperError
 from thumper_tuning.identify.compare_models import ComparedModel, compare_models
 from thumper_tuning.identify.cross_validation import Validation, cross_validate, fit_percent_of
 from thumper_tuning.identify.excitation_checks import (
-    RECORD,
     check_determined,
     check_excitation,
     check_model,
     check_percent,
+    no_model,
     turns_one_way,
 )
 from thumper_tuning.identify.exponential_filter import FilteredModel, fit_filtered
@@ -160,16 +160,14 @@ def _identify(logs: list[MotorLog]) -> IdentifiedMotor:
     one_direction = turns_one_way(segments)
     fit = _best_fit(segments)
     if fit is None:
-        raise log_error(
-            f"{name}: the speed does not follow the drive; check columns, units and sign; {RECORD}"
-        )
+        raise no_model(name, segments)
     segments = with_sensor_window(segments, fit.sensor_window_s)
     if one_direction:
         fit = _one_sided(fit, segments)
-    unit, largest = logs[0].drive_unit, max(float(np.abs(s.drive).max()) for s in segments)
-    check_model(name, fit, fit_percent_of(segments, fit), unit, largest)
+    unit = logs[0].drive_unit
+    check_model(name, fit, fit_percent_of(segments, fit), segments, unit)
     validation = cross_validate(segments, fit)
-    check_percent(name, validation.fit_percent, "held-out speeds")
+    check_percent(name, validation.fit_percent, segments, "held-out speeds")
     check_determined(name, fit, unit)
     warnings = list(dict.fromkeys(warning for log in logs for warning in log.warnings))
     if reversed_sign:

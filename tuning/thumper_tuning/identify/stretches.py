@@ -28,8 +28,10 @@ def fit_by_kind(segments: list[LogSegment], fit: Fit, validation: Validation) ->
             # About the mean of each segment: else opposite directions make the motion large.
             parts = [speeds[rows & (segment == k)] for k in np.unique(segment[rows])]
             motion = np.sqrt(sum(float(np.sum((part - part.mean()) ** 2)) for part in parts))
+            if motion <= fit.scale_rad_s * np.sqrt(rows.sum()):
+                continue  # moves no more than noise and rounding: nothing to predict
             error = float(np.linalg.norm(validation.residual_rad_s[rows]))
-            found[kind] = 100.0 * (1.0 - float(error / motion)) if motion > 0.0 else 0.0
+            found[kind] = 100.0 * (1.0 - float(error / motion))
     return dict(sorted(found.items(), key=lambda item: item[1]))
 
 
