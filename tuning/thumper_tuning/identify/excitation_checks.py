@@ -21,12 +21,24 @@ MIN_DURATION_S = 3.0
 LEVEL_RATIO = 1.15  # two drive levels are different if they are this far apart
 MAX_RELATIVE_STD = {"gain": 0.15, "time_constant": 0.3}
 MIN_FIT_PERCENT = 40.0
+MIN_LAG_EFFECT = 0.03  # of the motion: steps and switching give above 0.1, slow ramps below 0.01
 MAX_COARSE_VALUES = 4  # of the speed, without sign
 MIN_FRICTION_RATIO = -0.2  # friction over the largest drive: more than a nonlinear driver explains
 
 
 class UndeterminedError(ThumperError):
     """A log that determines a part of the model: `identify.partial` finds what it does determine."""
+
+
+class NoLagError(UndeterminedError):
+    """A log of slow ramps: its fit gives gain and static friction, but neither time constant nor delay."""
+
+    def __init__(
+        self, message: str, fit: Fit, segments: list[LogSegment], frictions: tuple[float, float]
+    ) -> None:
+        """Keep the fit, its segments, and the frictions forward and backward of the static map."""
+        super().__init__(message, exit_code=EXIT_CHECK_FAILED)
+        self.fit, self.segments, self.frictions = fit, segments, frictions
 
 
 def undetermined(message: str) -> UndeterminedError:
@@ -153,6 +165,37 @@ def check_percent(name: str, fit_percent: float, segments: list[LogSegment], wha
         )
         raise log_error(
             f"{name}: the model explains only {max(fit_percent, 0.0):.0f} % of the {what}: {cause}"
+        )
+
+
+def check_lag(name: str, fit: Fit, segments: list[LogSegment]) -> None:
+    """Reject a fit whose lag changes the speeds less than the residuals, and hardly at all.
+
+    On a ramp a lag acts like a larger friction: a static map, from drive to speed, predicts what the model
+    does. Only the break-away differs, and stiction and ripple move that.
+
+    Raises
+    ------
+    NoLagError
+        The log shows gain and static friction alone.
+    """
+    speed = np.concatenate([s.speed_rad_s for s in segments])
+    predicted = speed - fit.residual_rad_s
+    clipped = np.concatenate([s.is_clipped for s in segments])
+    use = (predicted != 0.0) & ~fit.is_glitch & ~clipped
+    drive = np.concatenate([s.drive_at_windows() for s in segments])[use]
+    X = np.column_stack((drive, predicted[use] > 0.0, predicted[use] < 0.0)).astype(float)
+    gain, forward, backward = theta = np.linalg.lstsq(X, predicted[use], rcond=None)[0]
+    by_lag = predicted[use] - X @ theta
+    effect_rad_s = float(np.sqrt(np.mean(by_lag**2))) if by_lag.size else 0.0
+    residual_rad_s = float(np.sqrt(np.mean(fit.residual_rad_s[~fit.is_glitch] ** 2)))
+    if effect_rad_s < min(MIN_LAG_EFFECT * float(np.std(speed)), residual_rad_s):
+        raise NoLagError(
+            f"{name}: the drive changes too slowly to show time constant and delay: on a ramp they act like "
+            f"friction; {RECORD}",
+            fit,
+            segments,
+            (float(-forward / gain), float(backward / gain)),
         )
 
 

@@ -14,6 +14,7 @@ from thumper_tuning.identify.cross_validation import Validation, cross_validate,
 from thumper_tuning.identify.excitation_checks import (
     check_determined,
     check_excitation,
+    check_lag,
     check_model,
     check_percent,
     no_model,
@@ -166,6 +167,7 @@ def _identify(logs: list[MotorLog]) -> IdentifiedMotor:
         fit = _one_sided(fit, segments)
     unit = logs[0].drive_unit
     check_model(name, fit, fit_percent_of(segments, fit), segments, unit)
+    check_lag(name, fit, segments)
     validation = cross_validate(segments, fit)
     check_percent(name, validation.fit_percent, segments, "held-out speeds")
     check_determined(name, fit, unit)

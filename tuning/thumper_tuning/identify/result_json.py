@@ -48,10 +48,20 @@ def partial_to_dict(motor: PartialMotor) -> dict[str, Any]:
     """Return what a log determines, with the keys of `motor_to_dict`, and what it does not."""
     unit = motor.unit.value
     has_delay = "delay_s" not in motor.not_determined
+    has_lag = motor.static is None
+    static = {}
+    if motor.static is not None:
+        static = {
+            f"gain_rad_s_per_{unit}": motor.model.gain,
+            f"gain_rad_s_per_{unit}_std": motor.static.gain,
+            f"static_friction_{unit}": motor.model.friction,
+            f"static_friction_{unit}_std": motor.static.friction,
+        }
     return {
         "motor": motor.name,
-        "time_constant_s": motor.time_constant_s,
-        "time_constant_s_std": motor.time_constant_std_s,
+        **static,
+        "time_constant_s": motor.time_constant_s if has_lag else None,
+        "time_constant_s_std": motor.time_constant_std_s if has_lag else None,
         "delay_s": motor.delay_s if has_delay else None,
         "delay_s_std": motor.delay_std_s if has_delay else None,
         "steady": [

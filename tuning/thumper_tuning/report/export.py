@@ -40,7 +40,7 @@ def write_models(
     the system of its recorded level.
     """
     systems: dict[str, control.TransferFunction] = {}
-    for part in partial:
+    for part in (part for part in partial if part.static is None):
         systems[f"{part.name}_continuous"] = part.continuous()
         systems[f"{part.name}_counted"] = part.counted(part.period_s)
     for motor in motors:

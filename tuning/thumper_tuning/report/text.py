@@ -45,10 +45,16 @@ def partial_lines(motor: PartialMotor) -> list[str]:
     delay = [f"  delay            {motor.delay_s:9.4f} +- {motor.delay_std_s:.4f} s"]
     if "delay_s" in motor.not_determined:
         delay = []
+    found = [f"  time constant    {motor.time_constant_s:9.4f} +- {motor.time_constant_std_s:.4f} s", *delay]
+    if motor.static is not None:
+        model, std = motor.model, motor.static
+        found = [
+            f"  gain             {model.gain:9.5f} +- {std.gain:.5f} rad/s per {unit}",
+            f"  static friction  {model.friction:z9.2f} +- {std.friction:.2f} {unit}",
+        ]
     return [
         f"{motor.name}: the log determines a part of the model (it explains {motor.fit_percent:.0f} %)",
-        f"  time constant    {motor.time_constant_s:9.4f} +- {motor.time_constant_std_s:.4f} s",
-        *delay,
+        *found,
         *[
             f"  speed            {s.speed_rad_s:9.3f} +- {s.std_rad_s:.3f} rad/s at {s.drive:.4g} {unit}"
             for s in motor.steady
