@@ -159,6 +159,16 @@ def test_a_kind_of_stretch_that_does_not_move_is_not_scored(fit: Fit) -> None:
     assert "held-out steps" not in str(result["warnings"])
 
 
+def test_speeds_that_repeat_are_named(fit: Fit) -> None:
+    """A motor controller sends a speed each 20 ms; the log has a row each 5 ms."""
+    time_s = 0.005 * np.arange(1500.0)
+    pwm = np.repeat((0.0, 90.0, 0.0, -140.0, 0.0, 200.0, 0.0, -60.0, 120.0, 180.0), 150)
+    angle = WHEEL.drive(time_s, pwm, 4)
+    speed = np.repeat(np.diff(angle[::4], prepend=0.0) / 0.02, 4)
+    result = fit("time_s,pwm,speed_rad_s", time_s, pwm, speed)
+    assert "each speed repeats for 20 ms" in str(result["warnings"])
+
+
 def test_a_reversed_encoder_gives_a_warning(fit: Fit) -> None:
     result = fit(NAMES, TIME_S, PWM, -COUNTS)
     assert_good(result)

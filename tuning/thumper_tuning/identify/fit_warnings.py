@@ -20,6 +20,7 @@ MIN_FIT_PERCENT, MIN_KIND_PERCENT = 85.0, 75.0  # of all speeds; of ramps, steps
 INSEPARABLE = 0.2  # of the time constant
 MIN_SENSOR_WINDOW_S = 0.03
 SENSOR_SIGMAS, FILTERED_ROWS, INSTANTANEOUS_ROWS = 2.0, 1.2, 0.5
+MIN_REPEATED_ROWS, MIN_REPEATED_SHARE = 2.0, 0.9
 MAX_AUTOCORRELATION = 0.6  # a first-order wheel with torque ripple stays below it after one time constant
 
 
@@ -35,6 +36,7 @@ def fit_warnings(
         *_saturation_warnings(segments),
         *_validation_warnings(logs, segments, fit, validation, fit_percent_by_kind),
         *_delay_warnings(fit),
+        *_repeat_warnings(segments),
         *_rate_warnings(segments, fit),
         *_feedback_warnings(logs, segments, fit, validation),
         *_drive_warnings(logs[0], segments, fit),
@@ -117,6 +119,21 @@ def _delay_warnings(fit: Fit) -> Iterator[str]:
         f"{names} cannot be separated to better than {1e3 * either_s:.0f} ms: {total}, "
         f"{1e3 * total_s:.0f} ms, is surer; log faster, or log counts"
     )
+
+
+def _repeat_warnings(segments: list[LogSegment]) -> Iterator[str]:
+    """Warn if a new speed comes only each few rows: the drive then acts anywhere within them."""
+    if segments[0].sensor_window_s is None or max(s.quantum_rad_s for s in segments) > 0.0:
+        return  # coarse speeds repeat without that
+    changes = [np.flatnonzero(np.diff(s.speed_rad_s)) for s in segments]
+    rows = np.concatenate([np.diff(change) for change in changes])
+    usual = float(np.median(rows)) if rows.size else 1.0
+    if usual >= MIN_REPEATED_ROWS and float(np.mean(np.abs(rows - usual) <= 1.0)) > MIN_REPEATED_SHARE:
+        held_ms = 1e3 * usual * median_window_s(segments)
+        yield (
+            f"each speed repeats for {held_ms:.0f} ms: the delay may be off by up to {held_ms:.0f} ms; raise "
+            "the rate of the sensor, or of the motor controller's status frame"
+        )
 
 
 def _rate_warnings(segments: list[LogSegment], fit: Fit) -> Iterator[str]:
