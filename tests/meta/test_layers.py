@@ -81,7 +81,9 @@ IDENTIFY = (
     "excitation_checks fit_warnings richer_models",
     "compare_models",
     "motor",
-    "motor_constants partial",
+    "motor_constants partial_motor",
+    "static_part",
+    "partial",
     "result_json",
 )
 

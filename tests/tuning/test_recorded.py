@@ -10,7 +10,8 @@ import pytest
 from thumper_tuning.identify.cross_validation import fit_percent
 from thumper_tuning.identify.excitation_checks import UndeterminedError
 from thumper_tuning.identify.motor import identify
-from thumper_tuning.identify.partial import PartialMotor, identify_partly
+from thumper_tuning.identify.partial import identify_partly
+from thumper_tuning.identify.partial_motor import PartialMotor
 from thumper_tuning.identify.prediction import predict
 from thumper_tuning.identify.segments import split_segments
 from thumper_tuning.logs.motor_log import MotorLog

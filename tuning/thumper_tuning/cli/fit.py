@@ -8,7 +8,8 @@ from typing import Any
 from thumper_tuning.identify.excitation_checks import UndeterminedError
 from thumper_tuning.identify.motor import IdentifiedMotor, identify
 from thumper_tuning.identify.motor_constants import physical_constants
-from thumper_tuning.identify.partial import PartialMotor, identify_partly
+from thumper_tuning.identify.partial import identify_partly
+from thumper_tuning.identify.partial_motor import PartialMotor
 from thumper_tuning.identify.result_json import NOT_IDENTIFIABLE, motor_to_dict, partial_to_dict
 from thumper_tuning.logs.motor_log import MotorLog
 from thumper_tuning.logs.read import read_runs

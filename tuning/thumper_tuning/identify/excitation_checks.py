@@ -122,7 +122,7 @@ def no_model(name: str, segments: list[LogSegment]) -> ThumperError:
 
 
 def _coarse_speeds(segments: list[LogSegment]) -> str:
-    """Return what is wrong with logged speeds of few values, and the cure; empty: they have many."""
+    """Return what is wrong with logged speeds of few values, and the fix; empty: they have many."""
     values = np.unique(np.round(np.abs(np.concatenate([s.speed_rad_s for s in segments])), 6))
     if segments[0].sensor_window_s is None or len(values) > MAX_COARSE_VALUES:
         return ""

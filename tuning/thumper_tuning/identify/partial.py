@@ -13,20 +13,21 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.covariance import correlated_lags, jacobian, sandwich_covariance
-from thumper_tuning.identify.cross_validation import fit_percent, fit_percent_of
-from thumper_tuning.identify.excitation_checks import RECORD, NoLagError, UndeterminedError, turns_one_way
+from thumper_tuning.identify.cross_validation import fit_percent
+from thumper_tuning.identify.excitation_checks import NoLagError, UndeterminedError
 from thumper_tuning.identify.fit import GLITCH_SIGMAS, SIGNIFICANT_DELAY_SIGMAS, find_glitches
 from thumper_tuning.identify.initial_guess import TIME_CONSTANTS_S, delays_s
 from thumper_tuning.identify.least_squares import FitData, longest_periods, minimize_soft_l1, weights
-from thumper_tuning.identify.model import MotorModel, Uncertainty
+from thumper_tuning.identify.model import MotorModel
 from thumper_tuning.identify.motor import signed_segments
+from thumper_tuning.identify.partial_motor import RECORD_NEXT, PartialMotor, SteadySpeed, why_partly
 from thumper_tuning.identify.segments import LogSegment, median_window_s
 from thumper_tuning.identify.sensor_window import UNIFORM_STD
-from thumper_tuning.identify.systems import continuous_system, counted_system
-from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
+from thumper_tuning.identify.static_part import identify_static_part
+from thumper_tuning.logs.motor_log import BoolArray, MotorLog
 
 if TYPE_CHECKING:
-    import control
+    pass
 
 MIN_FIT_PERCENT = 60.0
 SETTLED_TIME_CONSTANTS = 4.0
@@ -35,58 +36,7 @@ MAX_FRICTION_STD = 0.2  # of several levels: a larger share says that the log sh
 SAME_LEVEL = 0.03
 SEVERAL = 0.2  # of the largest drive: the levels differ by more than noise and a controller's ripple
 SEVERAL_LEVELS = "the drive has several levels"
-RECORD_NEXT = f"{RECORD[0].upper()}{RECORD[1:]}."
-ASSUMED_LAG_S = 0.2  # time constant plus delay, at most: of most geared motors it is less
 ASSUMED_FRICTION = 0.15  # of the drive: the share that a small geared motor loses at a half to full drive
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SteadySpeed:
-    """Speed that a drive leads to."""
-
-    drive: float
-    speed_rad_s: float
-    std_rad_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartialMotor:
-    """What the log determines, and what it does not."""
-
-    name: str
-    unit: DriveUnit
-    # Linear: from the drive to the speed that it leads to, at the recorded level only. With `static`: with
-    # friction, but of no meaning in time constant and delay.
-    model: MotorModel
-    time_constant_std_s: float
-    delay_std_s: float  # inf: the delay is not determined
-    period_s: float
-    steady: tuple[SteadySpeed, ...]
-    fit_percent: float  # of the fitted windows: too little data to hold out
-    warnings: tuple[str, ...]
-    not_determined: tuple[str, ...]
-    reason: str  # why not
-    record_next: str
-    columns: tuple[str, ...]
-    static: Uncertainty | None = None  # of slow ramps: the model's gain and friction are determined, no lag
-
-    @property
-    def time_constant_s(self) -> float:
-        """The time constant."""
-        return self.model.time_constant_s
-
-    @property
-    def delay_s(self) -> float:
-        """From drive to motion; 0: indistinguishable from none."""
-        return self.model.delay_s
-
-    def continuous(self) -> "control.TransferFunction":
-        """Return the continuous python-control system of the recorded level."""
-        return continuous_system(self.model)
-
-    def counted(self, period_s: float) -> "control.TransferFunction":
-        """Return the discrete system of the recorded level, to the speed that is counted per period."""
-        return counted_system(self.model, period_s)
 
 
 def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialMotor:
@@ -98,7 +48,7 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
         `reason`: the logs determine nothing.
     """
     if isinstance(reason, NoLagError):
-        return _static_part(logs, reason)
+        return identify_static_part(logs, reason)
     name, unit = logs[0].name, logs[0].drive_unit
     segments, _ = signed_segments(logs)
     data = FitData(segments=segments)
@@ -143,59 +93,10 @@ def identify_partly(logs: list[MotorLog], reason: UndeterminedError) -> PartialM
         fit_percent=best.fit_percent,
         warnings=tuple(warnings),
         not_determined=tuple(not_determined),
-        reason=_short(reason, name),
+        reason=why_partly(reason, name),
         record_next=RECORD_NEXT,
         columns=logs[0].columns,
     )
-
-
-def _short(reason: UndeterminedError, name: str) -> str:
-    return str(reason).split(";")[0].removeprefix(f"{name}: ")
-
-
-def _static_part(logs: list[MotorLog], reason: NoLagError) -> PartialMotor:
-    """Return gain and static friction of slow ramps.
-
-    A ramp shows only friction plus rate times lag. The friction is that without a lag of half of
-    `ASSUMED_LAG_S`, and its standard deviation includes any lag up to all of it.
-    """
-    name, unit, fit = logs[0].name, logs[0].drive_unit, reason.fit
-    rate = _ramp_rate(reason.segments)
-    by_lag = 0.5 * rate * ASSUMED_LAG_S
-    frictions = reason.frictions[0] - by_lag, reason.frictions[1] - by_lag
-    not_determined = ["time_constant_s", "delay_s"]
-    warnings = [warning for log in logs for warning in log.warnings]
-    if turns_one_way(reason.segments):
-        forward = sum(float(s.speed_rad_s.sum()) for s in reason.segments) > 0.0
-        frictions = (frictions[0 if forward else 1],) * 2
-        not_determined.append(f"static_friction_{'backward' if forward else 'forward'}_{unit.value}")
-    warnings.append(
-        f"the drive changes by {rate:.3g} {unit.value} per s: static friction is that of a time constant "
-        f"plus delay of 0 to {1e3 * ASSUMED_LAG_S:.0f} ms"
-    )
-    return PartialMotor(
-        name=name,
-        unit=unit,
-        model=replace(fit.model, friction_forward=frictions[0], friction_backward=frictions[1]),
-        time_constant_std_s=math.inf,
-        delay_std_s=math.inf,
-        period_s=round(float(np.median([log.period_s for log in logs])), 9),
-        steady=(),
-        fit_percent=fit_percent_of(reason.segments, fit),
-        warnings=tuple(warnings),
-        not_determined=tuple(not_determined),
-        reason=_short(reason, name),
-        record_next=RECORD_NEXT,
-        columns=logs[0].columns,
-        static=replace(fit.uncertainty, friction=by_lag * UNIFORM_STD),
-    )
-
-
-def _ramp_rate(segments: list[LogSegment]) -> float:
-    """Return the mean rate of the drive while the motor turns [drive unit per s]."""
-    change = [np.abs(np.diff(s.drive_at_windows()))[s.speed_rad_s[1:] != 0.0] for s in segments]
-    lasts_s = [s.windows_s[1:][s.speed_rad_s[1:] != 0.0] for s in segments]
-    return float(np.concatenate(change).sum() / max(np.concatenate(lasts_s).sum(), 1e-9))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -3,7 +3,7 @@
 from typing import Any
 
 from thumper_tuning.identify.motor import IdentifiedMotor
-from thumper_tuning.identify.partial import PartialMotor
+from thumper_tuning.identify.partial_motor import PartialMotor
 
 NOT_IDENTIFIABLE = (
     "drive and speed determine only gain, time constant, static friction and delay. R, L, Kt, Kf, J and B "

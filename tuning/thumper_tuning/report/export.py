@@ -11,7 +11,7 @@ from thumper.common.files import write_text
 from thumper_tuning.design.gains import Design
 from thumper_tuning.identify.compare_models import era_models
 from thumper_tuning.identify.motor import IdentifiedMotor
-from thumper_tuning.identify.partial import PartialMotor
+from thumper_tuning.identify.partial_motor import PartialMotor
 from thumper_tuning.identify.result_json import partial_to_dict
 from thumper_tuning.identify.systems import counted_second_order_system, second_order_system
 

@@ -6,7 +6,7 @@ from thumper_tuning.design.gains import Design
 from thumper_tuning.design.loops import SpeedLoop
 from thumper_tuning.drive.verify import TrackingError, Verification
 from thumper_tuning.identify.motor import IdentifiedMotor
-from thumper_tuning.identify.partial import PartialMotor
+from thumper_tuning.identify.partial_motor import PartialMotor
 from thumper_tuning.logs.motor_log import DriveUnit
 
 NOISE_SIGMAS = 2.0  # a smaller change of the tracking error is none
