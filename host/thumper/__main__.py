@@ -3,6 +3,7 @@
 import gc
 import os
 import signal
+import sys
 
 from thumper.common.errors import EXIT_INTERRUPTED
 
@@ -18,7 +19,14 @@ def main() -> None:
 
     gc.freeze()  # what imports leave behind stays: no collection looks at it
     gc.enable()
-    run_command()
+    try:
+        run_command()
+    except SystemExit as end:
+        if end.code != EXIT_INTERRUPTED:
+            raise
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(EXIT_INTERRUPTED)  # a second Ctrl-C may leave a thread of the bus, which aborts at exit
 
 
 if __name__ == "__main__":

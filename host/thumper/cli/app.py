@@ -1,6 +1,5 @@
 """The `thumper` command. Commands import their modules when they run, so that `--help` is fast."""
 
-import os
 import signal
 import sys
 from importlib.metadata import entry_points
@@ -201,8 +200,4 @@ def main() -> None:
 def _exit_with(error: ThumperError) -> NoReturn:
     option = f" ({error.option})" if error.option else ""
     print(f"thumper: {error}{option}", file=sys.stderr)
-    if error.exit_code == EXIT_INTERRUPTED:
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(EXIT_INTERRUPTED)  # a second Ctrl-C may leave a thread of the bus, which aborts at exit
     sys.exit(error.exit_code)

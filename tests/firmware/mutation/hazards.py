@@ -97,7 +97,7 @@ HAZARDS: dict[str, Removal] = {
         "while (uart.Get(&byte)) {",
         "test_a_host_that_never_pauses_keeps_neither_time_out_nor_watchdog_away",
     ),
-    "encoder wire cut, motor dead": Removal(INTERFACE, *STALL, f"{MISSION} -k encoder.left.b"),
+    "encoder wire cut; motor dead": Removal(INTERFACE, *STALL, f"{MISSION} -k encoder.left.b"),
     "encoder or motor wires exchanged: the loop would run away": Removal(
         INTERFACE,
         "if (verdict == WheelMonitor::Verdict::kReversed) Trip(reversed);",

@@ -67,7 +67,7 @@ def test_mistyped_words(refusal: Refusal, typed: str, line: str) -> None:
 @pytest.mark.parametrize(
     ("answer", "status", "line"),
     [
-        (KeyboardInterrupt, EXIT_INTERRUPTED, ""),
+        (KeyboardInterrupt, EXIT_INTERRUPTED, "thumper: interrupted"),
         (EOFError, EXIT_USAGE, "thumper: nobody answers the question; pass --yes to skip it"),
     ],
 )

@@ -13,6 +13,7 @@ from thumper.runtime.loop import UNCONFIRMED, RobotLoop
 from thumper_hil.bench import simulation
 
 ON_SIM = ["--board", "sim://interrupted/board?world=lab", "--lidar", "sim://interrupted/lidar"]
+RUN = ["run", *ON_SIM, "--bus", f"127.0.0.1:{free_port()}"]
 
 
 def _ctrl_c(*_: object, **__: object) -> NoReturn:
@@ -22,9 +23,9 @@ def _ctrl_c(*_: object, **__: object) -> NoReturn:
 @pytest.mark.parametrize(
     ("where", "command", "message"),
     [
-        ("thumper.runtime.assembly.warm_up", ["run", *ON_SIM], "interrupted"),
+        ("thumper.runtime.assembly.warm_up", RUN, "interrupted"),
         ("thumper.runtime.assembly.warm_up", ["explore", *ON_SIM], "interrupted"),
-        ("thumper.runtime.assembly.open_lidar", ["run", *ON_SIM], "interrupted; the motors are off"),
+        ("thumper.runtime.assembly.open_lidar", RUN, "interrupted; the motors are off"),
         ("thumper.offline.map_log.open_log", ["map-log", "x.log"], "interrupted; the map was not finished"),
     ],
 )
