@@ -12,6 +12,7 @@ from thumper.gps.options import GpsOptions
 
 DATUM_STD_RAD = 0.1  # of the map's direction, or it is not saved
 DRIVE_TO_FIND_IT = "a drive with a fix, of 1 to 2 m with RTK, else of 30 m and more"
+PLACE_UNKNOWN = f"the place of the map on Earth is unknown: that takes {DRIVE_TO_FIND_IT}"
 
 
 class MapDatum(NamedTuple):

@@ -45,7 +45,7 @@ from thumper.runtime.publisher import Publisher
 from thumper.runtime.reconnection import Connecting, Reconnection
 from thumper.runtime.requests import LogMessage
 from thumper.runtime.sensor_inputs import TELEMETRY_TIMEOUT_S, SensorInputs
-from thumper.runtime.sensor_table import CAMERA, GPS, KINDS, SensorFeed, open_feed
+from thumper.runtime.sensor_table import CAMERA, KINDS, SensorFeed, open_feed
 from thumper.runtime.service.library import MapStorage
 from thumper.runtime.service.map_annotations import MapAnnotations
 from thumper.runtime.service.map_saver import MapSaver
@@ -276,7 +276,7 @@ def wait_for_fix(robot: RobotLoop) -> None:
     search of the map needs the fix first.
     """
     inputs, estimator = robot.inputs, robot.inputs.estimator
-    if all(feed.kind is not GPS for feed in inputs.feeds):
+    if not inputs.has_gps:
         return
     until_s, inputs.keep_log = inputs.now_s() + FIX_TIMEOUT_S, False
     while inputs.now_s() < until_s and (estimator.fix is None or estimator.fix.status is FixStatus.NONE):

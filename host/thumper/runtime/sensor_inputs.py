@@ -14,7 +14,7 @@ from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
 from thumper.navigation.state import Transition
 from thumper.runtime.drive_log import DriveLog
-from thumper.runtime.sensor_table import SensorFeed
+from thumper.runtime.sensor_table import GPS, SensorFeed
 from thumper.runtime.state_estimator import StateEstimator
 
 TELEMETRY_TIMEOUT_S = 0.5
@@ -137,6 +137,11 @@ class SensorInputs:
         if state is None or (self.has_map and state.scan_age_s > BLIND_S):
             return False
         return len(self.samples) <= LATE_CYCLES  # arrives as it is sent: nothing has waited in the port
+
+    @property
+    def has_gps(self) -> bool:
+        """Whether the robot has a GPS, with or without a fix."""
+        return any(feed.kind is GPS for feed in self.feeds)
 
     @property
     def has_map(self) -> bool:

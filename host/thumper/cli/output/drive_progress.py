@@ -6,13 +6,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
-from thumper.gps.earth_reference import DRIVE_TO_FIND_IT
+from thumper.gps.earth_reference import PLACE_UNKNOWN
 from thumper.ros.codec import Message
 from thumper.ros.to_ros import WARN
 from thumper.runtime.drive.legs import AnyLeg, Wait
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.loop import RobotLoop
-from thumper.runtime.sensor_table import GPS
 
 PLAIN_PERIOD_S = 1.0
 
@@ -80,9 +79,8 @@ def print_warnings(robot: RobotLoop, console: Console) -> None:
     """Print what was wrong with scans, wheels and GPS during the drive: one line per kind, with its count."""
     estimator = robot.inputs.estimator
     lines = list(estimator.warnings().values())
-    has_gps = any(feed.kind is GPS for feed in robot.inputs.feeds)
-    if has_gps and estimator.map_datum() is None:
-        lines.append(f"the place of the map on Earth is unknown: that takes {DRIVE_TO_FIND_IT}")
+    if robot.inputs.has_gps and estimator.map_datum() is None:
+        lines.append(PLACE_UNKNOWN)
     for line in lines:
         console.print(f"note: {line}", markup=False, soft_wrap=True)
 

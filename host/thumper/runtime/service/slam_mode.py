@@ -1,11 +1,10 @@
 """Switches between mapping and localization: the commands `localize`, `map_on` and `relocalize`."""
 
 from thumper.common.errors import ThumperError
-from thumper.gps.earth_reference import DRIVE_TO_FIND_IT, MapDatum
+from thumper.gps.earth_reference import PLACE_UNKNOWN, MapDatum
 from thumper.gps.fix import FixStatus
 from thumper.ros.services import MappingState
 from thumper.runtime.sensor_inputs import SensorInputs
-from thumper.runtime.sensor_table import GPS
 from thumper.slam.mapper import Mapper
 from thumper.slam.mode_switch import SlamModeSwitch
 
@@ -56,8 +55,8 @@ def describe(inputs: SensorInputs) -> MappingState:
 
 def _gps_state(inputs: SensorInputs, datum: MapDatum | None) -> str:
     fix = inputs.estimator.fix
-    if all(feed.kind is not GPS for feed in inputs.feeds):
+    if not inputs.has_gps:
         return "off"
     if fix is None or fix.status is FixStatus.NONE:
         return "the GPS has no fix"
-    return "ok" if datum else f"the place of the map on Earth is unknown: that takes {DRIVE_TO_FIND_IT}"
+    return "ok" if datum else PLACE_UNKNOWN
