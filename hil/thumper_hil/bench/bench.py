@@ -11,13 +11,14 @@ from thumper.board.firmware_image import firmware_image
 from thumper.board.messages import BoardModel
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.common.optional_packages import require_extra
 from thumper_hil.bench.body_trajectory import BodyTrajectory
 from thumper_hil.bench.collision import FOOTPRINT_M, ContactDetector
 from thumper_hil.bench.ground_truth import GroundTruth
-from thumper_hil.bench.hardware import SENSORS, SimulatedSensor, make_lidar, robot_params
+from thumper_hil.bench.hardware import make_lidar, robot_params
 from thumper_hil.bench.leg_contacts import LegContacts
 from thumper_hil.bench.options import BenchOptions
+from thumper_hil.bench.sensor_line import SensorLine, SimulatedSensor
+from thumper_hil.bench.sensor_table import SENSORS, Surroundings
 from thumper_hil.chip.chip import CPU_HZ
 from thumper_hil.chip.chip_faults import FaultyChip
 from thumper_hil.chip.instrumented_chip import ATMEGABOOT
@@ -27,11 +28,6 @@ from thumper_hil.effects.preset import load_preset
 from thumper_hil.faults.catalogue import FaultError, FaultValue, fault_action
 from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.faults.switches import Switches
-from thumper_hil.lidars.a5_device import A5Device
-from thumper_hil.lidars.ld19 import Ld19
-from thumper_hil.sensors.bno08x import Bno08x
-from thumper_hil.sensors.gnss_receiver import GnssReceiver
-from thumper_hil.sensors.ubx_receiver import UbxReceiver
 from thumper_hil.world.load_world import load_world
 from thumper_hil.world.scene import NO_SEGMENTS, Scene
 from thumper_hil.world.sills import pitch_over_sills_rad
@@ -47,8 +43,6 @@ TICK_S = 0.01
 SENSOR_POLL_S = 0.001
 GYRO_BIAS_DEG_S = 15.0  # of an MPU-6050, at most 20 (data sheet, ZRO)
 RADIUS_M = 0.062
-WALL_BEARINGS_RAD = np.arange(16) * (math.tau / 16.0)
-GARBLED = bytes((157 * byte + 91) % 256 for byte in range(256))  # what a wrong baud rate makes of a byte
 
 
 def cycle_at(time_s: float, clock_Hz: float = CPU_HZ) -> int:
@@ -113,11 +107,11 @@ class Bench:
         self._pillars: list[tuple[float, float, float]] = []
         self._record_pose()
         self._history = WorldHistory(self.world)
-        self._sensors: dict[str, SimulatedSensor] = {
-            "lidar": make_lidar(options, preset, self.world, self._history, self._track)
-        }
-        self._received = {name: bytearray() for name in SENSORS}
-        self._host_baud = dict.fromkeys(SENSORS, 0)  # 0: unknown
+        self._around = Surroundings(
+            options=options, track=self._track, world=lambda: self.world, faults=self._switches
+        )
+        self._lines: dict[str, SensorLine] = {}
+        self._connect("lidar", make_lidar(options, preset, self.world, self._history, self._track))
         self._wall_start_s = time.monotonic() if options.realtime else None
 
     @property
@@ -229,44 +223,20 @@ class Bench:
         return device not in self._switches.unplugged
 
     def power_up(self, device: str) -> None:
-        """Switch gyroscope, GPS or camera on when its port opens first. Later, bytes sent meanwhile are lost.
+        """Switch a sensor on when its port opens first. Later, bytes sent meanwhile are lost.
 
-        The lidar is on from the start.
+        Board and lidar are on from the start.
         """
-        if device not in {"imu", "gps", "camera"}:
+        if device not in SENSORS:
             return
         self._refresh_pose()
-        if device in self._sensors:
-            self.sensor_available(device)
-            self._received[device].clear()
-        elif device == "camera":
-            require_extra("camera")
-            from thumper_hil.sensors.camera import Camera  # needs OpenCV
-
-            self._sensors[device] = Camera(
-                pose_at=self._track.pose_at,
-                world=lambda: self.world,
-                seed=self._options.seed,
-                power_on_s=self.time_s,
-            )
-        elif device == "gps":
-            receiver = UbxReceiver if self._options.gps_protocol == "ubx" else GnssReceiver
-            self._sensors[device] = receiver(
-                pose_at=self._track.pose_at,
-                wall_m=lambda x_m, y_m: float(np.min(self.world.cast(x_m, y_m, WALL_BEARINGS_RAD))),
-                faults=self._switches,
-                kind=self._options.gps,
-                rate_Hz=self._options.gps_Hz,
-                seed=self._options.seed,
-                power_on_s=self.time_s,
-            )
+        if device in self._lines:
+            self._lines[device].clear(self.time_s)
         else:
-            self._sensors[device] = Bno08x(
-                pose_at=self._track.pose_at,
-                pitch_at=self._track.pitch_at,
-                seed=self._options.seed,
-                power_on_s=self.time_s,
-            )
+            self._connect(device, SENSORS[device](self._around, self.time_s))
+
+    def _connect(self, name: str, sensor: SimulatedSensor) -> None:
+        self._lines[name] = SensorLine(sensor, lambda: self.is_plugged(name))
 
     def assert_dtr(self) -> None:
         """Assert DTR, as a host does when it opens the port; with `reset_on_open` this resets the board."""
@@ -291,42 +261,27 @@ class Bench:
 
     def set_baud(self, name: str, baud: int) -> None:
         """Set the host's baud rate on a sensor's line; 0 if it is unknown."""
-        self._host_baud[name] = baud
+        self._lines[name].host_baud = baud
 
     def set_dtr(self, name: str, level: bool) -> None:
         """Set the line DTR of a sensor's adapter, which runs the motor of some lidars."""
-        sensor = self._sensors[name]
-        if isinstance(sensor, A5Device):
-            self._refresh_pose()
-            sensor.set_dtr(level, self.time_s)
-
-    def _is_understood(self, name: str) -> bool:
-        """Whether host and sensor use the same baud rate, as far as it matters."""
-        sensor = self._sensors[name]
-        own_baud = sensor.baud if isinstance(sensor, A5Device | Ld19 | GnssReceiver) else 0
-        return 0 in {own_baud, self._host_baud[name]} or own_baud == self._host_baud[name]
+        self._refresh_pose()
+        self._lines[name].set_dtr(level, self.time_s)
 
     def sensor_write(self, name: str, data: bytes) -> None:
         """Send bytes to the sensor now, if it is plugged in."""
         self._refresh_pose()
-        if self.is_plugged(name) and self._is_understood(name):
-            self._sensors[name].write(data, self.time_s)
+        self._lines[name].write(data, self.time_s)
 
     def sensor_available(self, name: str) -> int:
         """Return the number of bytes from the sensor that wait to be read."""
         self._refresh_pose()
-        self._sensors[name].advance(self.time_s)
-        sent = self._sensors[name].read()
-        if self.is_plugged(name):
-            self._received[name] += sent if self._is_understood(name) else sent.translate(GARBLED)
-        return len(self._received[name])
+        return self._lines[name].available(self.time_s)
 
     def sensor_read(self, name: str, limit: int) -> bytes:
         """Read up to `limit` bytes from the sensor."""
-        self.sensor_available(name)
-        data = bytes(self._received[name][:limit])
-        del self._received[name][:limit]
-        return data
+        self._refresh_pose()
+        return self._lines[name].read(limit, self.time_s)
 
     def _apply_due_faults(self) -> None:
         while self._events and self._events[0].time_s <= self.time_s:
@@ -346,10 +301,8 @@ class Bench:
         self._track.add(truth.time_s, pose, pitch_rad)
         self.chip.set_attitude(pitch_rad=pitch_rad, roll_rad=self._switches.roll_rad)
         self._truth.add((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad, *truth.wheel_rad_s))
-        for name, sensor in self._sensors.items():
-            if isinstance(sensor, A5Device) and not self.is_plugged(name):
-                sensor.power_off()
-            sensor.advance(self.time_s)
+        for line in self._lines.values():
+            line.advance(self.time_s)
 
     def _refresh_pose(self) -> None:
         if self.time_s > self._track.newest_s:

@@ -1,7 +1,6 @@
 """Build the simulated robot's parts as hard as the preset says: its parameters and its lidar."""
 
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -23,9 +22,6 @@ from thumper_hil.lidars.ydlidar_x4 import YdlidarX4
 from thumper_hil.world.world import World
 from thumper_hil.world.world_history import WorldHistory
 
-SENSORS = ("lidar", "imu", "gps", "camera")
-"""Devices beside the board in `sim://NAME/DEVICE`."""
-
 LIDAR_MODELS = {
     "urg04lx": Urg04Lx,
     "ld19": Ld19,
@@ -39,22 +35,6 @@ SILENT = LidarEffects(
     delay_s=0.0, mixed_share=0.0, loss_share=0.0, grazing_deg=90.0, surfaces=True, self_return_share=0.0
 )
 """Effects that change nothing in a world of matt surfaces."""
-
-
-class SimulatedSensor(Protocol):
-    """A sensor on a serial line of its own. The caller owns the clock."""
-
-    def write(self, data: bytes, time_s: float) -> None:
-        """Receive bytes from the host."""
-        ...
-
-    def advance(self, time_s: float) -> None:
-        """Advance time and send what ends by then."""
-        ...
-
-    def read(self) -> bytes:
-        """Return the bytes that have reached the host."""
-        ...
 
 
 def robot_params(options: BenchOptions, preset: Preset) -> RobotParams:

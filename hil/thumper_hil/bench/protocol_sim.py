@@ -14,14 +14,12 @@ from serial.serialutil import PortNotOpenError, SerialBase, SerialException
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper_hil.bench.bench import Bench
-from thumper_hil.bench.hardware import SENSORS
 from thumper_hil.bench.page_controls import PageControls
 from thumper_hil.bench.registry import close_device, open_device
+from thumper_hil.faults.switches import DEVICES
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
-
-DEVICES = ("board", *SENSORS)
 
 
 class Serial(SerialBase):

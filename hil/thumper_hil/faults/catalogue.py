@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from thumper.common.geometry import Pose2
 from thumper_hil.chip.chip_faults import WireFault
-from thumper_hil.faults.switches import CHANNELS, SIDES, Switches
+from thumper_hil.faults.switches import CHANNELS, DEVICES, SIDES, Switches
 
 DRAGGING = 2.5  # friction of a side with a dragging wheel, relative to a healthy one
 FaultValue = str | float | list[float]
@@ -203,7 +203,7 @@ FAULTS: dict[str, Choice | Amount | PoseFault] = {
             "reset": lambda switches: switches.chip.reset(),
         }
     ),
-    **{device: _plug(device) for device in ("board", "lidar", "imu", "gps", "camera")},
+    **{device: _plug(device) for device in DEVICES},
     "gps.sky": Choice(
         actions={
             "ok": lambda switches: setattr(switches, "sky_is_blocked", False),

@@ -5,6 +5,7 @@ from typing import Any
 
 from thumper_hil.chip.chip_faults import FaultyChip, SideFaults
 
+DEVICES = ("board", "lidar", "imu", "gps", "camera")  # in `sim://NAME/DEVICE`; each has a plug
 SIDES = {"left": 0, "right": 1}
 CHANNELS = {"a": 0, "b": 1}
 

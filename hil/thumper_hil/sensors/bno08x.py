@@ -20,7 +20,8 @@ DRIFT_RAD_S = math.radians(0.5 / 60.0)
 NOISE_RAD_S = math.radians(0.014)  # std of the mean rate over 1 s
 TILT_NOISE_DEG = 0.05
 ACCELERATION_NOISE_MG = 5.0
-WIRE_S = 19 * 10.0 / 115_200
+BAUD = 115_200
+WIRE_S = 19 * 10.0 / BAUD
 
 
 def write_frame(index: int, angles_deg: tuple[float, ...], acceleration_mg: tuple[float, ...]) -> bytes:
@@ -36,6 +37,8 @@ class Bno08x:
     `pose_at(times_s)` and `pitch_at(times_s)` return the robot's pose, shape (n, 3), and pitch, shape (n,),
     at times up to two frames back. The same seed and poses give the same frames, in steps of any size.
     """
+
+    baud = BAUD
 
     def __init__(
         self,

@@ -32,6 +32,8 @@ class Camera:
     `pose_at(times_s)` returns the robot's pose, shape (n, 3), at times up to an exposure back.
     """
 
+    baud = 0  # USB: any
+
     def __init__(
         self,
         *,

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated
+from typing import Annotated, Any
 from urllib.parse import urlsplit
 
 from annotated_types import Gt, Le
@@ -31,6 +31,8 @@ from thumper.navigation.options import NavigationOptions
 from thumper.navigation.registry import check_names
 from thumper.slam.factory import MappingOptions
 from thumper.slam.localization.options import AmclOptions
+
+SENSOR_TABLES = ("imu", "gps", "camera")  # of the sensors that have a port of their own, beside the lidar
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,9 +222,7 @@ def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
         config,
         board=replace(config.board, port=board),
         lidar=replace(config.lidar, port=lidar),
-        imu=replace(config.imu, port=_beside(board, config.imu.port, "imu")),
-        gps=replace(config.gps, port=_beside(board, config.gps.port, "gps")),
-        camera=replace(config.camera, port=_beside(board, config.camera.port, "camera")),
+        **{name: _beside(board, name, getattr(config, name)) for name in SENSOR_TABLES},
     )
 
 
@@ -232,17 +232,17 @@ def unused_ports(configured: RobotConfig, used: RobotConfig) -> list[str]:
     A port that is still the default is no choice, and not named.
     """
     default, names = RobotConfig(), []
-    for table in ("lidar", "imu", "gps", "camera"):
+    for table in ("lidar", *SENSOR_TABLES):
         mine, new, usual = (getattr(config, table) for config in (configured, used, default))
         if getattr(mine, "enabled", True) and mine.port not in {new.port, usual.port}:
             names.append(f"[{table}] port {mine.port}")
     return names
 
 
-def _beside(board: str, port: str, name: str) -> str:
-    """Return the port of the same simulated robot; a real robot's sensor stays on its own."""
+def _beside(board: str, name: str, options: Any) -> Any:
+    """Return a sensor's options with the port of the same simulated robot; a real robot's keep their own."""
     url = urlsplit(board)
-    return f"sim://{url.netloc}/{name}" if url.scheme == "sim" else port
+    return replace(options, port=f"sim://{url.netloc}/{name}") if url.scheme == "sim" else options
 
 
 def check_same_robot(board: str, lidar: str) -> None:
