@@ -28,6 +28,10 @@ OUTGOING = (
     *("liveliness_token", "liveliness_query", "declare_liveliness_subscriber"),
 )
 MAX_REQUEST_BYTES = 256 * 1024  # that the robot reads; the largest valid one has 64 KiB
+MAX_CLIENTS = 100
+MAX_SILENT, SILENT_S = 400, 3.0
+"""Connections that may wait for their first message, and for how long: silent ones must not keep clients out
+for long. Together with `MAX_CLIENTS` fewer than the 1024 files of a process."""
 MAX_REPLY_BYTES = 64 * 1024 * 1024  # that a client reads: maps, reports
 
 
@@ -48,6 +52,9 @@ def open_router(robot: str, options: BusOptions) -> zenoh.Session:
         "mode": "router",
         "listen/endpoints": [_endpoint(address, keys)],
         "transport/link/rx/max_message_size": MAX_REQUEST_BYTES,
+        "transport/unicast/max_sessions": MAX_CLIENTS,
+        "transport/unicast/accept_pending": MAX_SILENT,
+        "transport/unicast/accept_timeout": round(1000 * SILENT_S),
         "access_control": access_rules(robot),
     }
     if keys:

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from thumper.bus.server import BusServer
 from thumper.bus.zenoh_session import open_client
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
-from thumper.config.bus import BusOptions
+from thumper.config.bus import BusOptions, split_address
 from thumper.ros.codec import encode
 from thumper.ros.to_ros import flag
 from thumper.runtime.requests import EmergencyStop
@@ -56,6 +57,19 @@ def test_client_with_the_keys_and_the_token_connects(encrypted: Robot, keys: Pat
             return bool(poses)
 
         until(has_pose)
+
+
+def test_silent_connections_keep_no_client_out() -> None:
+    """A client that connects afterwards may have to stop the robot."""
+    robot = Robot()
+    host, port = split_address(robot.address)
+    with ExitStack() as stack:
+        stack.callback(robot.server.close)
+        for _ in range(150):
+            stack.enter_context(socket.create_connection((host, port), 5.0))
+        client = stack.enter_context(BusClient("r1", robot.address))
+        client.publish("estop", flag(True))
+        assert robot.received() == [EmergencyStop()]
 
 
 def client_without_tls(_keys: Path, _folder: Path) -> str:
