@@ -105,7 +105,7 @@ class SerialPort(Closable):
             if self._is_closed:  # pyserial would raise a TypeError
                 raise serial.PortNotOpenError
             yield
-        except _FAILURES as error:
+        except _OPEN_FAILURES as error:  # ValueError: with 1024 open files, pyserial cannot wait for a port
             raise PortError(
                 f"the {self.device}'s port {self.url} failed ({error}); is the cable loose?",
                 exit_code=EXIT_NOT_THERE,

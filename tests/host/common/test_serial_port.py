@@ -1,6 +1,7 @@
 """A failing port raises PortError, whatever pyserial raises for it; closing it never raises."""
 
 import os
+import resource
 import tty
 from collections.abc import Callable, Iterator
 
@@ -14,6 +15,8 @@ from thumper.common.errors import EXIT_NOT_THERE
 from thumper.common.serial_port import PortError, SerialPort, open_port
 from thumper.lidar.ld19 import Ld19Driver
 from thumper.lidar.urg04lx import Urg04LxDriver
+
+FD_SETSIZE = 1024
 
 
 class PseudoTerminal:
@@ -49,6 +52,30 @@ USES: dict[str, Callable[[SerialPort], object]] = {
     "write": lambda port: port.write(b"x"),
     "discard": lambda port: port.discard_output(),
 }
+
+
+@pytest.fixture
+def full_process() -> Iterator[None]:
+    """Let this process have so many open files that pyserial, which calls `select`, cannot wait for more."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard < 2 * FD_SETSIZE:
+        pytest.skip("the system permits too few open files")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (2 * FD_SETSIZE, hard))
+    files = [os.open(os.devnull, os.O_RDONLY)]
+    while files[-1] < FD_SETSIZE:
+        files.append(os.dup(files[0]))
+    yield
+    for file in files:
+        os.close(file)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+@pytest.mark.usefixtures("full_process")
+def test_a_port_in_a_process_with_too_many_open_files_is_a_port_error() -> None:
+    terminal = PseudoTerminal()
+    with terminal.port, pytest.raises(PortError):
+        terminal.port.read_available(0.05)
+    terminal.unplug()
 
 
 @pytest.mark.parametrize("use", USES)
