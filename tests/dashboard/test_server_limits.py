@@ -95,6 +95,18 @@ def test_connections_without_a_request_are_closed(server: Server) -> None:
     assert time.monotonic() - started_s > 0.5 * REQUEST_TIMEOUT_S
 
 
+@pytest.mark.parametrize(
+    "start", ["GET /pa", "POST /logout HTTP/1.1\r\nHost: localhost:{port}\r\nContent-Length: 9\r\n\r\n"]
+)
+def test_connections_whose_later_request_does_not_end_are_closed(server: Server, start: str) -> None:
+    whole = f"GET /pages HTTP/1.1\r\nHost: localhost:{server.port}\r\n\r\n"
+    with socket.create_connection(("127.0.0.1", server.port), TIMEOUT_S) as slow:
+        slow.sendall(whole.encode())
+        assert slow.recv(4096).startswith(b"HTTP/1.1 200")
+        slow.sendall(start.format(port=server.port).encode())
+        read_until_closed(slow)
+
+
 def test_silent_pages_make_room_for_a_visitor(server: Server) -> None:
     with ExitStack() as stack:
         silent = [stack.enter_context(stream(server)) for _ in range(MAX_PAGES)]

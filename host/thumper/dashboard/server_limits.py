@@ -5,28 +5,54 @@ import logging
 import resource
 from contextlib import suppress
 
+import h11
 from nicegui import Client
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from thumper.common.texts import shortened
 from thumper.dashboard.rate_limit import RateLimit
 
-REQUEST_TIMEOUT_S = 10.0  # from the connection to the end of the request's headers
+REQUEST_TIMEOUT_S = 10.0  # from the connection, later from the first byte, to the end of the request
+UNFINISHED = (h11.IDLE, h11.SEND_BODY)  # states of a browser that has not sent its whole request
 MAX_UNCONNECTED = 16  # pages that were sent to a browser and have not connected yet; each holds 0.7 MB
 LOG_RATE_HZ, LOG_BURST = 1.0, 5
 
 
 class TimedProtocol(H11Protocol):
-    """HTTP that closes a connection which sends no complete request in time."""
+    """HTTP that closes a connection which sends no complete request in time, the first one or a later one."""
+
+    _deadline: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Start the time limit."""
+        """Start the time limit of the first request."""
         super().connection_made(transport)
-        self.loop.call_later(REQUEST_TIMEOUT_S, self._close_if_silent)
+        self._expect_request()
 
-    def _close_if_silent(self) -> None:
+    def data_received(self, data: bytes) -> None:
+        """Start the time limit of a request with its first byte; end it with the last byte."""
+        super().data_received(data)
+        if self.conn.their_state not in UNFINISHED:
+            self._cancel_deadline()
+        elif self._deadline is None:
+            self._expect_request()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End the time limit."""
+        self._cancel_deadline()
+        super().connection_lost(exc)
+
+    def _expect_request(self) -> None:
+        self._deadline = self.loop.call_later(REQUEST_TIMEOUT_S, self._close_if_unfinished)
+
+    def _cancel_deadline(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+
+    def _close_if_unfinished(self) -> None:
+        self._deadline = None
         is_websocket = self.transport.get_protocol() is not self
-        if self.cycle is None and not is_websocket:
+        if not is_websocket and self.conn.their_state in UNFINISHED:
             self.transport.close()
 
 
