@@ -3,13 +3,15 @@
 import asyncio
 from collections.abc import Coroutine
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 from urllib.parse import urlencode
 
 import pytest
 
-from thumper.dashboard.login import COOKIE, SESSION_S, AccessControl
+from thumper.dashboard.login import COOKIE, MAX_NETWORKS, SESSION_S, AccessControl
+from thumper.dashboard.rate_limit import RateLimit
 
 PASSWORD = "correct horse"
 LOCAL = frozenset({"localhost", "127.0.0.1"})
@@ -30,6 +32,7 @@ class Site:
         self, *, password: str = PASSWORD, secure: bool = False, hosts: frozenset[str] = LOCAL
     ) -> None:
         self.access = AccessControl(self._app, hosts=hosts, password=password, secure=secure)
+        self.address = "127.0.0.1"
         self.reached: list[str] = []
         self.received: list[Any] = []
 
@@ -54,6 +57,7 @@ class Site:
             "path": path,
             "method": method,
             "query_string": b"",
+            "client": (self.address, 40_000),
             "headers": [(name.encode(), value.encode()) for name, value in given.items()],
         }
         sent: list[Any] = []
@@ -132,16 +136,59 @@ def test_form_without_a_password_field_or_too_long_is_refused() -> None:
 
 def test_guesses_are_limited_and_the_limit_passes(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = [1000.0]
-    monkeypatch.setattr("thumper.dashboard.rate_limit.time.monotonic", lambda: now_s[0])
+    limit = partial(RateLimit, clock=lambda: now_s[0])
+    monkeypatch.setattr("thumper.dashboard.login.RateLimit", limit)
     site = Site()
-    site.access._attempts._clock = lambda: now_s[0]
-    site.access._attempts._updated_s = now_s[0]
     assert [site.log_in("wrong")[0] for _ in range(7)] == [401] * 5 + [429] * 2
     assert site.log_in()[0] == 429  # the right one, too
     now_s[0] += 4.9
     assert site.log_in()[0] == 429
     now_s[0] += 0.2
     assert site.log_in()[0] == 303
+
+
+@pytest.mark.parametrize(
+    ("guesser", "operator"),
+    [
+        ("192.168.0.7", "192.168.0.8"),
+        ("::ffff:192.168.0.7", "::ffff:192.168.0.8"),
+        ("fe80::7%eth0", "2001:db8::7"),
+    ],
+)
+def test_guesses_lock_out_nobody_at_another_address(guesser: str, operator: str) -> None:
+    site = Site()
+    site.address = guesser
+    assert [site.log_in("wrong")[0] for _ in range(6)] == [401] * 5 + [429]
+    site.address = operator
+    assert site.log_in()[0] == 303
+    site.address = guesser
+    assert site.log_in()[0] == 429
+
+
+@pytest.mark.parametrize(
+    "addresses",
+    [
+        [f"2001:db8::{number}" for number in range(1, 7)],  # one computer may take any of them
+        ["192.168.0.7", "::ffff:192.168.0.7"] * 3,
+        ["a proxy's"] * 6,
+    ],
+)
+def test_one_computer_has_one_limit_for_all_its_addresses(addresses: list[str]) -> None:
+    site = Site()
+    answers = []
+    for site.address in addresses:
+        answers.append(site.log_in("wrong")[0])
+    assert answers == [401] * 5 + [429]
+
+
+def test_the_addresses_that_guessed_do_not_fill_the_memory() -> None:
+    site = Site()
+    for number in range(MAX_NETWORKS + 1):
+        assert site.access._may_try(f"network {number}")
+        site.access._may_try("network 0")
+    assert len(site.access._attempts) == MAX_NETWORKS
+    assert not site.access._may_try("network 0")  # the newest are kept
+    assert [site.access._may_try("network 1") for _ in range(6)] == [True] * 5 + [False]  # the oldest are not
 
 
 def test_session_ends_after_its_time(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,6 +6,7 @@ it, any web page open in the user's browser could connect to the websocket and d
 
 import asyncio
 import hmac
+import ipaddress
 import secrets
 import time
 from html import escape
@@ -22,6 +23,8 @@ from thumper.dashboard.rate_limit import RateLimit
 
 COOKIE = "thumper_session"
 SESSION_S = 12 * 3600.0
+ATTEMPT_RATE_HZ, ATTEMPT_BURST = 0.2, 5  # guesses of the password per address
+MAX_NETWORKS = 256  # whose attempts are remembered
 MAX_FORM_BYTES = 2048
 FORM_TIMEOUT_S = 10.0
 # NiceGUI compiles its templates in the page, hence 'unsafe-eval'. No other host is involved.
@@ -43,7 +46,7 @@ class AccessControl:
         self._password = password
         self._secure = secure
         self._sessions: dict[str, float] = {}
-        self._attempts = RateLimit(rate_Hz=0.2, burst=5)
+        self._attempts: dict[str, RateLimit] = {}  # per address: guesses lock out nobody else
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass allowed requests on to the application."""
@@ -111,6 +114,14 @@ class AccessControl:
 
         return receive_if_logged_in
 
+    def _may_try(self, network: str) -> bool:
+        """Count an attempt from this network; return False if there were too many."""
+        attempts = self._attempts.pop(network, None) or RateLimit(ATTEMPT_RATE_HZ, ATTEMPT_BURST)
+        self._attempts[network] = attempts  # the newest is the last
+        while len(self._attempts) > MAX_NETWORKS:
+            self._attempts.pop(next(iter(self._attempts)))
+        return attempts.allows()
+
     def _logout(self, request: Request) -> Response:
         if request.method != "POST":
             return PlainTextResponse("send POST", status_code=405)
@@ -131,7 +142,7 @@ class AccessControl:
                         return PlainTextResponse("too long", status_code=413)
         except TimeoutError:
             return PlainTextResponse("too slow", status_code=408)
-        if not self._attempts.allows():
+        if not self._may_try(_network_of(request)):
             return HTMLResponse(_form("Too many attempts. Wait a few seconds."), status_code=429)
         password = parse_qs(body.decode("utf-8", "replace")).get("password", [""])[0]
         if not hmac.compare_digest(password.encode(), self._password.encode()):
@@ -154,6 +165,17 @@ def _is_own_request(scope: Scope, headers: Headers) -> bool:
         scope["type"] == "http" and scope["method"] == "GET" and headers.get("sec-fetch-mode") == "navigate"
     )
     return site in ("same-origin", "none") or (is_link and headers.get("sec-fetch-dest") == "document")
+
+
+def _network_of(request: Request) -> str:
+    """Return the client's address; of an IPv6 address the part that one computer cannot choose."""
+    host = request.client.host if request.client else ""
+    try:
+        address = ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return host
+    mapped = address.ipv4_mapped if address.version == 6 else None
+    return address.exploded[:19] if address.version == 6 and mapped is None else str(mapped or address)
 
 
 def _host_name(headers: Headers) -> str:
