@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from tests.e2e.service import FAR, NEAR, START, Service
+from thumper.board.messages import Fault, State
 from thumper.board.options import BoardOptions
 from thumper.camera.options import CameraOptions
 from thumper.config.robot import RobotConfig, with_ports
@@ -17,7 +18,7 @@ from thumper.imu.options import ImuOptions
 from thumper.lidar.options import LidarOptions
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.loop import RobotLoop
-from thumper.runtime.requests import GoTo
+from thumper.runtime.requests import EmergencyStop, GoTo, RobotCommand
 from thumper_hil.bench import simulation
 from thumper_hil.bench.registry import close_device, open_device
 
@@ -99,6 +100,47 @@ def test_ports_come_and_go(
     service.until(lambda: service.mode == "idle")
     assert service.ask("mission/state")["state"] == "reached"
     assert service.bench.contacts == 0
+
+
+def armed_without_lidar(service: Service) -> None:
+    service.put(RobotCommand(name="arm"))
+    service.bench.fault("lidar", "unplugged")
+    run_for(service, 2.0)
+    assert service.mode == "holding"
+    service.bench.fault("lidar", "ok")
+
+
+@pytest.mark.parametrize("model", ["urg04lx", "ld19", "rplidar_a2"])
+def test_the_lidar_of_an_armed_robot_comes_back(pluggable: Callable[[str], Service], model: str) -> None:
+    service = pluggable(model)
+    armed_without_lidar(service)
+    back_s = service.bench.time_s
+    service.until(lambda: is_back(service))
+    assert service.bench.time_s - back_s < BACK_S
+    assert "the lidar answers again" in service.events
+    assert service.mode == "holding"
+    assert service.telemetry.state is State.CLOSED_LOOP
+    assert service.telemetry.fault is Fault.NONE
+
+
+def test_an_emergency_stop_does_not_wait_for_the_lidar(
+    pluggable: Callable[[str], Service], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = pluggable("urg04lx")
+    armed_without_lidar(service)
+    manager, pressed_s = service.robot.drive_manager, list[float]()
+    resend = manager.resend_command
+
+    def press_and_resend() -> None:
+        if not pressed_s:
+            pressed_s.append(service.bench.time_s)
+            service.robot.request_queue.put(EmergencyStop())
+        resend()
+
+    monkeypatch.setattr(manager, "resend_command", press_and_resend)
+    service.until(lambda: service.telemetry.fault is Fault.E_STOP)
+    assert service.bench.time_s - pressed_s[0] < 0.3
+    service.until(lambda: is_back(service))
 
 
 def test_the_model_of_the_wheels_is_that_of_the_board_that_returns(

@@ -147,13 +147,17 @@ class ReopenedSensor(Generic[Sample]):
             self._errors_seen = self.counters.port_errors
         return samples
 
+    @property
+    def is_gone(self) -> bool:
+        """Whether its port has gone."""
+        return self.counters.port_errors - self._errors_seen >= GONE_ERRORS
+
     def reopen(self, now_s: float) -> bool:
         """Open the sensor again if its port has gone; return whether it answers again.
 
         May block for seconds: call it only while the robot is stationary.
         """
-        is_gone = self.counters.port_errors - self._errors_seen >= GONE_ERRORS
-        if not is_gone or self._open is None or now_s < self._next_open_s:
+        if not self.is_gone or self._open is None or now_s < self._next_open_s:
             return False
         self._next_open_s = now_s + RETRY_S
         before = self.counters

@@ -22,6 +22,23 @@ with suppress(ModuleNotFoundError):  # Windows
 _OPEN_FAILURES: tuple[type[Exception], ...] = (ValueError, *_FAILURES)
 
 
+_before_wait: Callable[[], None] | None = None
+
+
+@contextmanager
+def called_before_waits(call: Callable[[], None]) -> Iterator[None]:
+    """Call `call` before each wait for bytes of any port, so that opening one device starves no other.
+
+    It may raise to end the wait. For one thread.
+    """
+    global _before_wait  # noqa: PLW0603 - a driver that starts does not know the other devices
+    _before_wait = call
+    try:
+        yield
+    finally:
+        _before_wait = None
+
+
 @runtime_checkable
 class HasClock(Protocol):
     """A simulated port: it brings the clock of its own world, whose time only passes while somebody reads."""
@@ -67,6 +84,8 @@ class SerialPort(Closable):
 
     def read_available(self, timeout_s: float | None = None) -> bytes:
         """Return the bytes that have arrived; with a timeout [s], wait that long for the first byte."""
+        if timeout_s is not None and _before_wait is not None:
+            _before_wait()
         with self._failures_explained():
             if timeout_s is None:
                 return self.raw.read(self.raw.in_waiting)

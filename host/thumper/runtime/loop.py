@@ -230,6 +230,8 @@ class RobotLoop:
             self._end_leg(outcome)
         elif self.drive_manager.mode is DriveMode.IDLE:
             self._work_while_idle()
+        elif self.drive_manager.holds_still and self.inputs.reopen_lidar(self._hold_still):
+            self._publish_return("lidar")
         return None
 
     def _end_leg(self, outcome: DriveOutcome) -> None:
@@ -251,7 +253,16 @@ class RobotLoop:
             wheels.read_again(self.inputs.estimator, self.inputs.board)
             return
         for name in self.inputs.reopen_sensors():
-            self.publisher.publish_event(f"the {name} answers again", name=name)
+            self._publish_return(name)
+
+    def _hold_still(self) -> None:
+        """Keep the link to the board alive while the lidar starts; put the start off for urgent requests."""
+        if self.request_queue.is_urgent:
+            raise ThumperError("a request waits")
+        self.drive_manager.resend_command()
+
+    def _publish_return(self, name: str) -> None:
+        self.publisher.publish_event(f"the {name} answers again", name=name)
 
     def _fail(self, failure: _Failure) -> None:
         """End what is under way, the motors first; if the loop serves clients, continue to serve."""

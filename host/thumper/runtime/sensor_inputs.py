@@ -9,6 +9,7 @@ from thumper.board.board import Board, TelemetrySample
 from thumper.board.messages import Telemetry
 from thumper.common.geometry import FloatArray
 from thumper.common.sensor import ReopenedSensor
+from thumper.common.serial_port import called_before_waits
 from thumper.imu.options import MPU6050
 from thumper.imu.sample import ImuSample
 from thumper.lidar.scan import Scan
@@ -114,6 +115,14 @@ class SensorInputs:
         """
         now_s = self.board.now_s()
         return [sensor.name for sensor in self.sensors if sensor.reopen(now_s)]
+
+    def reopen_lidar(self, meanwhile: Callable[[], None]) -> bool:
+        """Open only the lidar again, if its port has gone; return whether it answers again.
+
+        Calls `meanwhile` at least every 0.1 s; it may raise ThumperError to put the attempt off.
+        """
+        with called_before_waits(meanwhile):
+            return self.lidar.reopen(self.board.now_s())
 
     def log_transition(self, transition: Transition) -> None:
         """Add a transition of the navigator's state to the log."""

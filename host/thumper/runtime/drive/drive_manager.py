@@ -94,6 +94,11 @@ class DriveManager:
         self._manually_armed = False
         self._cycles_armed = self._disarmed_cycles = self._stop_cycles = 0
 
+    @property
+    def holds_still(self) -> bool:
+        """Whether the robot is armed, and no one moves it."""
+        return self.mode is DriveMode.HOLDING and self.command == Twist2()
+
     def start(
         self, goal: Goal, telemetry: Telemetry | None, *, source: str = "", clear_fault: bool = False
     ) -> None:

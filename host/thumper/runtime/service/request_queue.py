@@ -4,7 +4,8 @@ import threading
 import time
 from collections import deque
 
-from thumper.runtime.requests import EmergencyStop, Request
+from thumper.common.geometry import Twist2
+from thumper.runtime.requests import EmergencyStop, Request, RobotCommand, Velocity
 
 MAX_PENDING = 256  # each cycle empties the queue; a flood beyond this drops the oldest requests
 
@@ -22,6 +23,14 @@ class RequestQueue:
             self._emergency_stop.set()
         else:
             self._pending.append((time.monotonic(), request))
+
+    @property
+    def is_urgent(self) -> bool:
+        """Whether a request waits that stops or moves the robot at once."""
+        return self._emergency_stop.is_set() or any(
+            isinstance(request, RobotCommand) or (isinstance(request, Velocity) and request.twist != Twist2())
+            for _, request in self._pending.copy()
+        )
 
     def take_all(self) -> list[tuple[float, Request]]:
         """Remove and return all requests with arrival times [s, monotonic]: stops first, then oldest."""

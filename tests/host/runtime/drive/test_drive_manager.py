@@ -250,10 +250,12 @@ def test_latched_fault_is_cleared_on_request_only(
 
 
 def test_armed_robot_holds_zero_and_stays_armed_after_a_drive(bench: Bench) -> None:
+    assert not bench.manager.holds_still
     bench.manager.arm(None)
     bench.step()
     assert bench.take() == [ARM, ZERO]
     assert (bench.manager.mode, bench.manager.reason) == (DriveMode.HOLDING, "armed")
+    assert bench.manager.holds_still
     bench.manager.start(GOAL, None)
     bench.step()
     bench.manager.arm(None)  # during a drive: changes nothing now
@@ -281,6 +283,7 @@ def test_cruise_holds_a_speed_until_the_stop(bench: Bench) -> None:
     bench.manager.cruise(AHEAD)
     bench.step()
     assert (bench.take(), bench.manager.command) == ([ARM, wheels(0.2)], AHEAD)
+    assert not bench.manager.holds_still
     bench.manager.stop("stop")
     bench.step()
     assert bench.take() == [ZERO]

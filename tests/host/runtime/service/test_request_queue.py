@@ -1,7 +1,17 @@
 """The queue is bounded, but never loses an emergency stop; heartbeats of many sources."""
 
+import pytest
+
+from thumper.common.geometry import Twist2
 from thumper.runtime.drive.heartbeats import MAX_SOURCES, HeartbeatMonitor
-from thumper.runtime.requests import EmergencyStop, Heartbeat, RobotCommand
+from thumper.runtime.requests import (
+    EmergencyStop,
+    Heartbeat,
+    Request,
+    RobotCommand,
+    TeleopSource,
+    Velocity,
+)
 from thumper.runtime.service.request_queue import MAX_PENDING, RequestQueue
 
 
@@ -25,6 +35,26 @@ def test_a_flood_never_displaces_the_emergency_stop() -> None:
     assert taken[0] == EmergencyStop()
     assert taken[1] == Heartbeat(source="10")
     assert len(taken) == MAX_PENDING + 1
+
+
+@pytest.mark.parametrize(
+    ("request_", "is_urgent"),
+    [
+        (EmergencyStop(), True),
+        (RobotCommand(name="disarm"), True),
+        (Velocity(channel=TeleopSource.VELOCITY, twist=Twist2(w_rad_s=0.1)), True),
+        (Velocity(channel=TeleopSource.VELOCITY, twist=Twist2()), False),
+        (Heartbeat(), False),
+    ],
+)
+def test_what_stops_or_moves_the_robot_is_urgent(request_: Request, is_urgent: bool) -> None:
+    queue = RequestQueue()
+    assert not queue.is_urgent
+    queue.put(Heartbeat())
+    queue.put(request_)
+    assert queue.is_urgent is is_urgent
+    queue.take_all()
+    assert not queue.is_urgent
 
 
 def test_a_source_is_lost_only_after_a_heartbeat() -> None:
