@@ -312,6 +312,10 @@ class HostInterface {
             get(Parameter::kTrack),
             reversed,
             static_cast<uint8_t>(get(Parameter::kBatteryCells)),
+            get(Parameter::kBatteryStop),
+            get(Parameter::kBatteryRearm),
+            get(Parameter::kCurrentScale),
+            get(Parameter::kCurrentZero),
             get(Parameter::kPwmFrequency),
             source_};
   }

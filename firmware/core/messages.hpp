@@ -8,7 +8,7 @@
 
 namespace fw {
 
-constexpr uint32_t kSchemaHash = 0xE46238FFUL;
+constexpr uint32_t kSchemaHash = 0x9C863629UL;
 constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload from the host
 constexpr size_t kMaxPayload = 48;     ///< [bytes] largest payload in either direction
 
@@ -141,7 +141,8 @@ struct __attribute__((packed)) CommandRequest {
   Command command;  ///< The command.
 };
 
-/// Set a live parameter; SAVE keeps it through a reset. Answered by `ack`; refused if out of range.
+/// Set a live parameter; answered by `ack`. Refused out of range; from `counts_per_rev` on while
+/// armed.
 struct __attribute__((packed)) SetParameter {
   static constexpr uint8_t kId = 0x05;
   static constexpr size_t kSize = 3;
@@ -159,7 +160,7 @@ struct __attribute__((packed)) GetParameter {
 /// Firmware version, board and robot constants; the answer to `identify`.
 struct __attribute__((packed)) Identity {
   static constexpr uint8_t kId = 0x81;
-  static constexpr size_t kSize = 21;
+  static constexpr size_t kSize = 29;
   uint32_t schema_hash;  ///< CRC-32 of this schema; the first field in every version.
   uint8_t version_major;  ///< Firmware version, major.
   uint8_t version_minor;  ///< Firmware version, minor.
@@ -172,6 +173,10 @@ struct __attribute__((packed)) Identity {
   uint16_t track_mm;  ///< [mm] Distance between the middle wheels' contact points.
   uint8_t reversed_sides;  ///< Bits 0 to 3: left motor, right motor, left encoder, right encoder.
   uint8_t battery_cells;  ///< Cells of the battery in series.
+  uint16_t battery_stop_mV;  ///< [mV] Voltage per cell below which the motors stop.
+  uint16_t battery_rearm_mV;  ///< [mV] Voltage per cell above which the robot may be armed.
+  uint16_t current_scale;  ///< [mA/512] Motor current per ADC count.
+  uint16_t current_zero;  ///< [count] ADC reading of a motor current of zero.
   uint16_t pwm_frequency_Hz;  ///< [Hz] PWM frequency of the motors.
   ParameterSource parameters;  ///< Where they were last loaded from or saved to.
 };

@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0xE46238FF
+SCHEMA_HASH: int = 0x9C863629
 
 
 class Command(IntEnum):
@@ -214,7 +214,7 @@ class CommandRequest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetParameter:
-    """Set a live parameter; SAVE keeps it through a reset. Answered by `ack`; refused if out of range."""
+    """Set a live parameter; answered by `ack`. Refused out of range; from `counts_per_rev` on while armed."""
 
     ID: ClassVar[int] = 0x05
     _LAYOUT: ClassVar[Struct] = Struct("<Bh")
@@ -262,7 +262,7 @@ class Identity:
     """Firmware version, board and robot constants; the answer to `identify`."""
 
     ID: ClassVar[int] = 0x81
-    _LAYOUT: ClassVar[Struct] = Struct("<IBBBBBBHHHBBHB")
+    _LAYOUT: ClassVar[Struct] = Struct("<IBBBBBBHHHBBHHHHHB")
 
     schema_hash: int  # CRC-32 of this schema; the first field in every version.
     version_major: int  # Firmware version, major.
@@ -276,11 +276,15 @@ class Identity:
     track_mm: int  # [mm] Distance between the middle wheels' contact points.
     reversed_sides: int  # Bits 0 to 3: left motor, right motor, left encoder, right encoder.
     battery_cells: int  # Cells of the battery in series.
+    battery_stop_mV: int  # [mV] Voltage per cell below which the motors stop.
+    battery_rearm_mV: int  # [mV] Voltage per cell above which the robot may be armed.
+    current_scale: int  # [mA/512] Motor current per ADC count.
+    current_zero: int  # [count] ADC reading of a motor current of zero.
     pwm_frequency_Hz: int  # [Hz] PWM frequency of the motors.
     parameters: ParameterSource  # Where they were last loaded from or saved to.
 
     def pack(self) -> bytes:
-        """Return the payload, 21 bytes."""
+        """Return the payload, 29 bytes."""
         return self._LAYOUT.pack(
             self.schema_hash,
             self.version_major,
@@ -294,6 +298,10 @@ class Identity:
             self.track_mm,
             self.reversed_sides,
             self.battery_cells,
+            self.battery_stop_mV,
+            self.battery_rearm_mV,
+            self.current_scale,
+            self.current_zero,
             self.pwm_frequency_Hz,
             self.parameters,
         )
@@ -316,6 +324,10 @@ class Identity:
             track_mm,
             reversed_sides,
             battery_cells,
+            battery_stop_mV,
+            battery_rearm_mV,
+            current_scale,
+            current_zero,
             pwm_frequency_Hz,
             parameters,
         ) = cls._LAYOUT.unpack(payload)
@@ -332,6 +344,10 @@ class Identity:
             track_mm=track_mm,
             reversed_sides=reversed_sides,
             battery_cells=battery_cells,
+            battery_stop_mV=battery_stop_mV,
+            battery_rearm_mV=battery_rearm_mV,
+            current_scale=current_scale,
+            current_zero=current_zero,
             pwm_frequency_Hz=pwm_frequency_Hz,
             parameters=ParameterSource(parameters),
         )

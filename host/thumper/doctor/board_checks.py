@@ -78,7 +78,12 @@ def _checks(
         jitter = Limits(warn_s=BOARD_JITTER_WARN_S, fail_s=BOARD_JITTER_FAIL_S)
         yield from judge_stream("telemetry", stream, jitter)
         if last is not None:
-            yield judge_battery(1e-3 * last.battery_mV)
+            yield judge_battery(
+                1e-3 * last.battery_mV,
+                cells=i.battery_cells,
+                stop_V=1e-3 * i.battery_cells * i.battery_stop_mV,
+                rearm_V=1e-3 * i.battery_cells * i.battery_rearm_mV,
+            )
             if needs_gyroscope or last.gyroscope is not GyroscopeState.OFF:
                 yield _gyroscope(last.gyroscope)
         if spin is None:

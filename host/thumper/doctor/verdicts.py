@@ -22,7 +22,7 @@ RATE_WARN_SHARE, RATE_FAIL_SHARE = 0.03, 0.1
 LOSS_FAIL_SHARE = 0.02
 BOARD_JITTER_WARN_S, BOARD_JITTER_FAIL_S = 0.02, 0.15
 LIDAR_JITTER_WARN_S, LIDAR_JITTER_FAIL_S = 0.02, 0.1
-BATTERY_ARM_V, BATTERY_WARN_V = 7.0, 7.2
+CELL_MARGIN_V, CELL_HIGH_V = 0.1, 4.5  # above battery_rearm; the board refuses a higher one
 MIN_COUNTS = 20
 OTHER_SHARE = 0.5
 
@@ -112,19 +112,22 @@ def judge_stream(name: str, stream: Stream, limits: Limits) -> list[Check]:
     ]
 
 
-def judge_battery(battery_V: float) -> Check:
-    """Judge the voltage at standstill."""
+def judge_battery(battery_V: float, *, cells: int, stop_V: float, rearm_V: float) -> Check:
+    """Judge the voltage at standstill by the board's cells and its thresholds of the whole battery."""
     what = f"battery {battery_V:.2f} V"
     if battery_V < 1.0:
         return Check(
             verdict="fail", what=what, fix="no battery voltage: connect the battery, check its divider"
         )
-    if battery_V < BATTERY_ARM_V:
-        return Check(
-            verdict="fail", what=what, fix="charge it: the board stops at 6.4 V, then waits for 7.0 V"
-        )
-    if battery_V < BATTERY_WARN_V:
-        return Check(verdict="warn", what=what, fix="charge it soon: the board stops at 6.4 V under load")
+    if battery_V > CELL_HIGH_V * cells:
+        fix = f"too high for {cells} cells: set battery_cells on the board, or check its wiring"
+        return Check(verdict="fail", what=what, fix=fix)
+    if battery_V < rearm_V:
+        fix = f"charge it: the board stops at {stop_V:.1f} V, then waits for {rearm_V:.1f} V"
+        return Check(verdict="fail", what=what, fix=fix)
+    if battery_V < rearm_V + CELL_MARGIN_V * cells:
+        fix = f"charge it soon: the board stops at {stop_V:.1f} V under load"
+        return Check(verdict="warn", what=what, fix=fix)
     return Check(verdict="pass", what=what)
 
 

@@ -47,6 +47,7 @@ from thumper.runtime.requests import LogMessage
 from thumper.runtime.sensor_inputs import TELEMETRY_TIMEOUT_S, SensorInputs
 from thumper.runtime.sensor_table import CAMERA, KINDS, SensorFeed, open_feed
 from thumper.runtime.service.library import MapStorage
+from thumper.runtime.service.low_battery import check_low_battery
 from thumper.runtime.service.map_annotations import MapAnnotations
 from thumper.runtime.service.map_saver import MapSaver
 from thumper.runtime.service.request_handler import RequestHandler
@@ -99,6 +100,7 @@ def open_robot(
         board = Board.open(config.board.port, baud=config.board.baud)
         stack.callback(board.close)
         config = replace(config, drive=geometry_of(config.drive, board.identity))
+        check_low_battery(config.dock, board.identity)
         if config.imu.uses_board:
             wait_for_gyroscope(board)
         feeds = []
@@ -322,6 +324,7 @@ def _connect(config: RobotConfig) -> Connecting:
     board = yield from Board.connect(config.board.port, baud=config.board.baud)
     try:
         geometry_of(config.drive, board.identity)
+        check_low_battery(config.dock, board.identity)
     except ThumperError:
         board.close()
         raise

@@ -63,6 +63,18 @@ def test_nothing_arms_or_clears_while_an_input_is_active(core: ctypes.CDLL, numb
     assert host.status()[1] is m.Fault.NONE
 
 
+def test_a_switch_of_the_other_level_can_be_set_right_in_its_fault(core: ctypes.CDLL) -> None:
+    """Nothing else would end the fault: the input stays active."""
+    host = HostInterface(core)
+    host.set("input_1", WHILE_LOW)
+    for _ in range(CALLS):
+        core.host_inputs(host.handle, 0)
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.INPUT_ACTIVE
+    assert host.set("input_1", WHILE_HIGH) is m.AckStatus.OK
+    core.host_inputs(host.handle, 0)
+    assert host.command(m.Command.CLEAR_FAULT) is m.AckStatus.OK
+
+
 def test_an_unknown_battery_is_told_first(core: ctypes.CDLL) -> None:
     """The host waits for the battery by itself, so it must see that reason."""
     host = HostInterface(core, battery_mV=0)

@@ -163,6 +163,17 @@ def test_a_voltage_that_no_pack_has_is_a_fault_while_it_lasts(core: ctypes.CDLL)
     assert core.battery_status(battery) == AckStatus.OK
 
 
+def test_a_high_voltage_is_a_fault_after_two_thirds_of_the_filter(core: ctypes.CDLL) -> None:
+    """From 7.4 V, a reading of 9.8 V crosses the limit of 9.0 V with the 18th reading: 1.7 s at 96 ms each.
+
+    The filter takes 1/16 of the difference per reading: 2.4 V * (15/16)^n is 0.8 V at n = 17.02.
+    """
+    battery = core.battery_new()
+    core.battery_update(battery, 7400)
+    faults = [core.battery_update(battery, 9800) for _ in range(30)]
+    assert faults == [Fault.NONE] * 17 + [Fault.HIGH_BATTERY] * 13
+
+
 def test_beeps_sound_only_while_the_wheels_are_quiet(core: ctypes.CDLL) -> None:
     """Five beeps of 200 ms with pauses of 200 ms, and none while anything moves."""
     beep = core.beep_new()

@@ -12,17 +12,24 @@ ROBOT = [spec for spec in m.PARAMETERS if spec.name not in GAINS]
 """Everything but the gains, which may change while the robot drives."""
 
 
+@pytest.mark.parametrize("off", [m.State.DISARMED, m.State.FAULT])
+@pytest.mark.parametrize("armed", [m.State.CLOSED_LOOP, m.State.MANUAL])
 @pytest.mark.parametrize("spec", ROBOT, ids=lambda spec: spec.name)
 def test_a_parameter_of_the_robot_changes_only_with_the_motors_off(
-    core: ctypes.CDLL, spec: m.ParameterSpec
+    core: ctypes.CDLL, spec: m.ParameterSpec, armed: m.State, off: m.State
 ) -> None:
+    """In FAULT too: some faults only end with the right value."""
     host = HostInterface(core)
     value = round(spec.scale * spec.maximum)
     host.command(m.Command.ARM)
+    if armed is m.State.MANUAL:
+        host.send(m.SetMotorPwm(left=0, right=0))
+    assert host.status()[0] is armed
     before = host.get(spec.name)
     assert host.set(spec.name, value) is m.AckStatus.ARMED
     assert host.get(spec.name) == before
-    host.command(m.Command.DISARM)
+    host.command(m.Command.DISARM if off is m.State.DISARMED else m.Command.E_STOP)
+    assert host.status()[0] is off
     assert host.set(spec.name, value) is m.AckStatus.OK
     assert host.get(spec.name) == value
 
@@ -43,6 +50,10 @@ def test_identity_reports_the_robot(core: ctypes.CDLL) -> None:
         ("right_motor_reversed", 1),
         ("left_encoder_reversed", 1),
         ("battery_cells", 3),
+        ("battery_stop", 3000),
+        ("battery_rearm", 3600),
+        ("current_scale", 512),
+        ("current_zero", 100),
         ("pwm_frequency", 31_373),
     ):
         assert host.set(name, value) is m.AckStatus.OK
@@ -51,6 +62,8 @@ def test_identity_reports_the_robot(core: ctypes.CDLL) -> None:
     assert (identity.counts_per_rev, identity.wheel_radius_mm, identity.track_mm) == (1920, 33, 160)
     assert identity.reversed_sides == 0b0110
     assert (identity.battery_cells, identity.pwm_frequency_Hz) == (3, 31_373)
+    assert (identity.battery_stop_mV, identity.battery_rearm_mV) == (3000, 3600)
+    assert (identity.current_scale, identity.current_zero) == (512, 100)
 
 
 def test_a_pack_of_three_cells_is_accepted_once_it_is_set(core: ctypes.CDLL) -> None:

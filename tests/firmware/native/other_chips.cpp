@@ -22,6 +22,7 @@ void UseAll(fw::HostInterface& host, fw::Side& side, Memory& memory, Line& line)
   host.AdvanceTime(1);
   host.UpdateBattery(fw::BatteryFromSum_mV(1));
   host.LoseAnalogReadings();
+  host.UpdateInputs(0);
   host.UpdateAcceleration({1, 2, 3});
   host.CountDropped(1);
   host.UpdateCurrents(fw::CurrentFromSum_mA(1, 2, 3), 0);

@@ -1,6 +1,7 @@
 #pragma once
 #include <stdint.h>
 
+#include "core/acceleration.hpp"
 #include "core/battery.hpp"
 #include "core/crc.hpp"
 #include "core/gyro_heading.hpp"
@@ -106,6 +107,20 @@ void RunGyro(Random& random, Sink& sink) {
   sink.Put(gyro.calibrated());
 }
 
+/// Small and large changes, so that each limit is met and missed.
+template <typename Sink>
+void RunAcceleration(Random& random, Sink& sink) {
+  fw::AccelerationMonitor monitor;
+  uint8_t reading[3] = {};
+  for (uint16_t i = 0; i < 4000; ++i) {
+    const int32_t spread = i % 9 == 0 ? 127 : 3;
+    for (uint8_t& axis : reading) axis = static_cast<uint8_t>(axis + random.Between(-spread, spread));
+    const int16_t tilt = static_cast<int16_t>(random.Between(-76, 76));
+    const int16_t impact = static_cast<int16_t>(random.Between(0, 154));
+    sink.Put(static_cast<int32_t>(monitor.Step(reading, tilt, impact)));
+  }
+}
+
 template <typename Sink>
 void Run(Sink& sink) {
   Random random;
@@ -113,6 +128,7 @@ void Run(Sink& sink) {
   RunWheel(random, sink);
   RunSmallParts(random, sink);
   RunGyro(random, sink);
+  RunAcceleration(random, sink);
 }
 
 }  // namespace vectors

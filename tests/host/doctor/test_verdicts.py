@@ -58,10 +58,19 @@ def test_round_trips(trips_s: list[float], lost: int, verdict: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("battery_V", "verdict"), [(0.0, "fail"), (6.8, "fail"), (7.1, "warn"), (7.6, "pass")]
+    ("battery_V", "verdict", "fix"),
+    [
+        (0.0, "fail", "connect the battery"),
+        (10.4, "fail", "stops at 9.0 V, then waits for 10.5 V"),
+        (10.6, "warn", "stops at 9.0 V under load"),
+        (10.9, "pass", ""),
+        (13.4, "pass", ""),
+        (13.6, "fail", "too high for 3 cells"),
+    ],
 )
-def test_battery(battery_V: float, verdict: str) -> None:
-    assert judge_battery(battery_V).verdict == verdict
+def test_battery(battery_V: float, verdict: str, fix: str) -> None:
+    check = judge_battery(battery_V, cells=3, stop_V=9.0, rearm_V=10.5)
+    assert (check.verdict, fix in check.fix) == (verdict, True)
 
 
 @pytest.mark.parametrize(

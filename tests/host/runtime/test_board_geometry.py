@@ -6,9 +6,11 @@ from pathlib import Path
 import pytest
 
 from thumper.board.messages import BoardModel, Identity, ParameterSource, ResetCause
+from thumper.camera.dock_options import DockOptions
 from thumper.common.errors import ThumperError
 from thumper.config.robot import DriveOptions, load_config
 from thumper.runtime.assembly import geometry_of
+from thumper.runtime.service.low_battery import check_low_battery
 
 BOARD = Identity(
     schema_hash=0,
@@ -23,6 +25,10 @@ BOARD = Identity(
     track_mm=160,
     reversed_sides=0,
     battery_cells=2,
+    battery_stop_mV=3200,
+    battery_rearm_mV=3500,
+    current_scale=25_000,
+    current_zero=511,
     pwm_frequency_Hz=122,
     parameters=ParameterSource.SAVED,
 )
@@ -77,3 +83,14 @@ def test_after_the_first_board_another_one_is_a_contradiction() -> None:
     settled = geometry_of(DriveOptions(), replace(BOARD, counts_per_rev=1200, wheel_radius_mm=62))
     with pytest.raises(ThumperError, match="the board is set to 1920 counts per revolution"):
         geometry_of(settled, BOARD)
+
+
+@pytest.mark.parametrize("low_battery_V", [0.1, 6.4])
+def test_a_low_battery_that_the_board_does_not_reach_is_refused(low_battery_V: float) -> None:
+    with pytest.raises(ThumperError, match=r"the board stops the motors at 6\.4 V"):
+        check_low_battery(DockOptions(low_battery_V=low_battery_V), BOARD)
+
+
+@pytest.mark.parametrize("low_battery_V", [0.0, 6.5])
+def test_other_limits_of_the_battery_are_accepted(low_battery_V: float) -> None:
+    check_low_battery(DockOptions(low_battery_V=low_battery_V), BOARD)

@@ -3,8 +3,9 @@
 import math
 from dataclasses import dataclass, field
 
+from thumper.board.messages import Identity
 from thumper.camera.dock_options import DockOptions
-from thumper.common.errors import ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.ros.to_ros import WARN
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode
 from thumper.runtime.drive.task_driver import TaskDriver
@@ -18,6 +19,17 @@ from thumper.runtime.service.mission_starter import MissionStarter
 HOME = "home"  # the place to drive to without a dock
 LOW_S = 5.0  # starting motors pull the voltage down for a moment
 RECHARGED_V = 0.5  # above the limit: more than an idle battery recovers
+
+
+def check_low_battery(options: DockOptions, board: Identity) -> None:
+    """Raise ThumperError if the board stops the motors before the battery counts as low."""
+    stop_V = 1e-3 * board.battery_cells * board.battery_stop_mV
+    if 0.0 < options.low_battery_V <= stop_V:
+        raise ThumperError(
+            f"[dock] low_battery_V is {options.low_battery_V:g} V, but the board stops the motors at "
+            f"{stop_V:g} V: choose more, or correct battery_cells and battery_stop on the board",
+            exit_code=EXIT_USAGE,
+        )
 
 
 @dataclass(slots=True, kw_only=True)
