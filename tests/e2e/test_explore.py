@@ -19,7 +19,7 @@ def test_a_lost_lidar_ends_exploration_and_saves_the_map(thumper: Run, tmp_path:
     told = " ".join(done.stdout.split())
     assert done.returncode == 1, done.stderr
     assert "s: the lidar stopped sending scans; check its cable" in told.split("ended after")[1]
-    assert "not home: the lidar stopped sending scans" in told
+    assert "not back at the start: the lidar stopped sending scans" in told
     spent_s = json.loads((out / "summary.json").read_text(encoding="utf-8"))["time_s"]
     assert spent_s > float(told.split("ended after ")[1].split()[0]) - 0.5  # of all drives, not of the last
     assert {"map.yaml", "map.pgm", "summary.json"} <= {path.name for path in out.iterdir()}

@@ -7,7 +7,7 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Twist2
 from thumper.runtime.drive.exploration import NOTHING_LEFT
 from thumper.runtime.drive.legs import Wait
-from thumper.runtime.drive.tasks import Task
+from thumper.runtime.drive.tasks import Task, wait
 from thumper.runtime.requests import GoTo, RobotCommand, TeleopSource, Velocity
 
 
@@ -57,11 +57,20 @@ def test_a_robot_at_rest_between_two_frontiers_is_cancelled_too(service: Service
         results.append(result)
         return result
 
+    service.robot.drive_manager.reason = "at the goal (1.00, 0.00)"
     service.robot._tasks.begin_at_once(choose(), "page")
     service.run_cycles(5)
+    assert service.robot.drive_manager.reason == "choosing a frontier"  # it is not at a goal of the user
     service.put(RobotCommand(name="cancel"))
     service.run_cycles(2)
-    assert [result.interrupted for result in results] == [True]
+    assert [(result.interrupted, result.reason) for result in results] == [(True, "cancelled")]
+
+
+def test_after_a_wait_the_robot_reports_what_it_did_before(service: Service) -> None:
+    service.robot.drive_manager.reason = "at the goal (1.00, 0.00)"
+    service.robot._tasks.begin_at_once(wait(0.3), "page")
+    service.run_cycles(8)
+    assert service.robot.drive_manager.reason == "at the goal (1.00, 0.00)"
 
 
 def test_manual_driving_and_goals_end_the_exploration(service: Service) -> None:

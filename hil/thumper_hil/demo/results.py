@@ -36,11 +36,8 @@ from thumper_hil.demo.outcome import Outcome
 
 NEXT_STEPS = (  # command, what it shows
     ("demo --ui", "the same in the browser, in real time; then you drive the robot"),
-    (
-        "explore --board 'sim://next/board?world=lab_box' --lidar sim://next/lidar",
-        "it explores the room by itself",
-    ),
-    ("tune --board 'sim://next/board?world=hall' --yes", "it identifies its motors and designs the gains"),
+    ("explore --board 'sim://?world=lab_box'", "the robot explores the room and comes back"),
+    ("tune --board 'sim://?world=hall' --yes", "identify its motors and design the gains"),
 )
 FOOTNOTE = (
     "Wheel speed error: ramped set-point of the firmware minus measured speed, straight run, while moving."

@@ -42,8 +42,8 @@ def explore(
     """Explore an unknown place until no frontier is left, return to the start and save the map.
 
     The robot starts at the map's origin and faces along x. With --session, it starts at --start or localizes
-    itself. If the last run did not end regularly (power cut, crash), its map is resumed by itself. Exits with
-    1 if the robot did not return home.
+    itself. If the last run did not end regularly (power cut, crash), the robot resumes its map. Exits with 1
+    if it did not return to its start.
 
     Example: `thumper explore --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --minutes 10`
     """
@@ -83,7 +83,7 @@ def explore(
         )
         run = run_and_report(robot, task, out, console)
     result = run.result
-    console.print(f"{'home' if result.reached else 'not home'}: {result.reason}")
+    console.print("back at the start" if result.reached else f"not back at the start: {result.reason}")
     console.print(f"{', '.join(run.files)} are in {out}/", soft_wrap=True)
     raise_if_interrupted(result)
     if not result.reached:

@@ -43,6 +43,7 @@ class LegRun:
         self._anchor: RobotState | None = None  # since when the robot has stayed in one place
         self._cycles = 0
         self._motors_on = False  # at the start of a wait
+        self._reason_before = ""  # what the robot reported before a wait
         self._stops_before = drive_manager.stops
 
     @property
@@ -100,6 +101,9 @@ class LegRun:
                 manager.cruise(Twist2())  # until the motion's first command
             case Wait():
                 self._motors_on = manager.mode is DriveMode.HOLDING
+                self._reason_before = manager.reason
+                if self.leg.duration_s > 0.0:
+                    manager.reason = self.leg.name
         self._begun = start
 
     def outcome(self) -> DriveOutcome | None:
@@ -121,9 +125,12 @@ class LegRun:
         self._cycles += 1
         by_user = manager.stops > self._stops_before
         if by_user or (self._motors_on and manager.mode is DriveMode.IDLE):  # by a fault
-            return DriveOutcome(reached=False, reason=manager.reason or "cancelled", by_user=by_user)
-        is_over = leg.until() or self._cycles >= leg.max_cycles
-        return DONE if is_over or self._elapsed_s() >= leg.duration_s else None
+            reason = "cancelled" if manager.reason in ("", leg.name) else manager.reason
+            return DriveOutcome(reached=False, reason=reason, by_user=by_user)
+        is_over = leg.until() or self._cycles >= leg.max_cycles or self._elapsed_s() >= leg.duration_s
+        if is_over and manager.reason == leg.name:
+            manager.reason = self._reason_before
+        return DONE if is_over else None
 
     def _follow(self, leg: Move) -> DriveOutcome | None:
         """Pass on the next command of a motion, or return how it ended."""
