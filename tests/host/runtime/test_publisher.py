@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from thumper.board.options import BoardOptions
@@ -73,6 +74,17 @@ def test_a_late_sink_receives_latched_messages_with_the_present_time(robot: Robo
     (tf_static,) = (message for topic, _, message in late.received if topic == "tf_static")
     stamp = tf_static.transforms[0].header.stamp
     assert stamp.sec + 1e-9 * stamp.nanosec < now_s - PAUSE_S + 1.0  # its own stamp stays
+
+
+def test_the_pose_has_the_covariance_of_the_mapper(robot: RobotLoop) -> None:
+    """Zeros would make a filter that fuses the pose trust it without limit."""
+    listener = Listener()
+    robot.publisher.add_sink(listener)
+    let_time_pass(robot)
+    pose = next(message for topic, _, message in reversed(listener.received) if topic == "pose")
+    covariance = pose.pose.covariance.reshape(6, 6)[np.ix_((0, 1, 5), (0, 1, 5))]
+    np.testing.assert_array_equal(covariance, robot.mapper.quality().covariance)
+    assert (np.diag(covariance) > 0.0).all()
 
 
 def test_an_event_is_stamped_when_it_happens(robot: RobotLoop) -> None:
