@@ -63,7 +63,7 @@ def load_interrupted(settings: RobotConfig, out: Path, start: Pose2 | None) -> S
         return None
     age_s = time.time() - path.stat().st_mtime
     print(
-        f"the last run did not end: resuming its map of {age_s:.0f} s ago; --fresh starts a new one",
+        f"the last run did not end regularly: resuming its map of {age_s:.0f} s ago; --fresh starts a new one",
         flush=True,
     )
     try:
@@ -87,7 +87,7 @@ def set_aside_interrupted(out: Path) -> None:
         path.replace(kept)
         if annotations_path(path).exists():
             annotations_path(path).replace(annotations_path(kept))
-        print(f"the last run did not end: --session {kept} resumes its map", flush=True)
+        print(f"the last run did not end regularly: --session {kept} resumes its map", flush=True)
 
 
 def save_map_and_session(robot: RobotLoop, out: Path) -> list[str]:

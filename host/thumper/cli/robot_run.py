@@ -13,7 +13,7 @@ from thumper.bus.zenoh_session import check_address_free
 from thumper.cli.options.record import recorded
 from thumper.cli.output.compile_progress import compile_progress
 from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
-from thumper.cli.output.folder import prepare_output
+from thumper.cli.output.folder import prepare_output, reserved
 from thumper.cli.output.stderr_report import report_unused_ports
 from thumper.cli.resume import AUTOSAVE, autosaved, load_interrupted, set_aside_interrupted
 from thumper.cli.start_map import load_start_map
@@ -82,6 +82,12 @@ def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = 
     """
     if serving:
         check_address_free(settings.bus.address)  # the interrupted session may be that of a running robot
+    with reserved(options.out), _opened(options, settings, serving=serving) as robot:
+        yield robot
+
+
+@contextmanager
+def _opened(options: RunOptions, settings: RobotConfig, *, serving: bool) -> Iterator[RobotLoop]:
     known = load_start_map(settings, options.saved_map, options.session)
     start, path = options.start_pose, options.saved_map or options.session
     datum = load_datum(options.saved_map) if options.saved_map else None

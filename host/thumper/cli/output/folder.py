@@ -1,7 +1,10 @@
 """Check a command's output folder before the work starts."""
 
+import fcntl
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
@@ -27,3 +30,26 @@ def prepare_output(folder: Path, option: str = "--out") -> Path:
             exit_code=EXIT_USAGE,
         ) from error
     return folder
+
+
+@contextmanager
+def reserved(folder: Path) -> Iterator[None]:
+    """Keep other robot processes away from an existing `folder`; the lock ends with this process.
+
+    Raises
+    ------
+    ThumperError
+        Another robot process has reserved it.
+    """
+    lock = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise ThumperError(
+                f"another robot process writes to {folder}; stop it, or choose another folder with --out",
+                exit_code=EXIT_USAGE,
+            ) from error
+        yield
+    finally:
+        os.close(lock)
