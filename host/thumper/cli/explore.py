@@ -83,7 +83,7 @@ def explore(
         )
         run = run_and_report(robot, task, out, console)
     result = run.result
-    console.print("back at the start" if result.reached else f"not back at the start: {result.reason}")
+    console.print(result.reason if result.reached else f"not back at the start: {result.reason}")
     console.print(f"{', '.join(run.files)} are in {out}/", soft_wrap=True)
     raise_if_interrupted(result)
     if not result.reached:

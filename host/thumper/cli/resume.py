@@ -63,7 +63,8 @@ def load_interrupted(settings: RobotConfig, out: Path, start: Pose2 | None) -> S
         return None
     age_s = time.time() - path.stat().st_mtime
     print(
-        f"the last run did not end regularly: resuming its map of {age_s:.0f} s ago; --fresh starts a new one",
+        f"the last run did not end regularly: resuming its map of {age_s:.0f} s ago; "
+        "--fresh starts a new one",
         flush=True,
     )
     try:

@@ -168,9 +168,8 @@ class Publisher:
         odometry, mapper = estimator.odometry, estimator.mapper
         assert odometry is not None  # there is a state
         self._send("odom", time_s, self.messages.odometry(odometry))
-        self._send(
-            "pose", time_s, self.messages.pose(time_s, state.map_from_base, mapper.quality().covariance)
-        )
+        covariance = mapper.quality().covariance  # of the newest scan
+        self._send("pose", time_s, self.messages.pose(time_s, state.map_from_base, covariance))
         transforms = self.messages.transforms(time_s, estimator.map_from_odom, odometry.odom_from_base)
         self._send("tf", time_s, transforms)
         poses = mapper.particle_poses if isinstance(mapper, HasParticles) else None

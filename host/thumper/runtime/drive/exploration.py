@@ -30,6 +30,7 @@ SAME_VIEWPOINT_M = 0.3
 PATIENCE_S = 10.0  # another frontier may be easier to reach, and show the rest of this one
 HOME_TOLERANCE_M = 0.15
 NEAR_HOME_M = 0.5  # if something stands at home now
+BACK = "back at the start"
 NOTHING_LEFT = "nothing is left to explore: no frontier is reachable"
 MapAndPose = Callable[[], tuple[OccupancyGrid, Pose2]]
 
@@ -103,7 +104,7 @@ def explore(
             result = (yield Leg(goal=near, name="near home")).after(result)
     except ThumperError as refusal:  # keep the map that there is
         return replace(result, reached=False, reason=str(refusal))
-    return result
+    return replace(result, reason=BACK) if result.reached else result
 
 
 def _drive_to_frontiers(

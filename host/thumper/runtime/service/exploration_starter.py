@@ -7,7 +7,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer
 from thumper.runtime.drive.drive_manager import DriveManager
-from thumper.runtime.drive.exploration import NOTHING_LEFT, MapAndPose, explore, home_at
+from thumper.runtime.drive.exploration import BACK, NOTHING_LEFT, MapAndPose, explore, home_at
 from thumper.runtime.drive.task_driver import TaskDriver
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.publisher import Publisher
@@ -16,7 +16,6 @@ from thumper.runtime.service.preconditions import Preconditions
 from thumper.slam.mapper import SwitchesMode
 
 LIMIT_S = 900.0
-BACK = "back at the start"
 
 
 class ExplorationStarter:

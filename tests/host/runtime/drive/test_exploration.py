@@ -118,6 +118,7 @@ def test_exploration_scans_visits_all_frontiers_and_returns() -> None:
     total, reports, _ = exploration(drives, A, B)
     assert drives.names == ["initial scan", "frontier 1", "frontier 2", "home"]
     assert (total.reached, total.time_s, total.path_length_m) == (True, 40.0, 4.0)
+    assert total.reason == "back at the start"
     assert reports == ["explored after 30 s: reached 2 of 2 frontiers"]
 
 
