@@ -7,6 +7,7 @@ import typer
 
 from thumper.cli.options.bus import connect
 from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
+from thumper.cli.output.recording_summary import recording_failure, recording_summary
 from thumper.cli.output.stderr_report import report_to_stderr
 
 
@@ -45,7 +46,6 @@ def record(
             client, folder, settings.recording, seconds=seconds, report=report_to_stderr
         )
     for recorder in recorders:
-        dropped = f", {recorder.dropped} dropped: the disk is too slow" if recorder.dropped else ""
-        print(f"{recorder.written} messages{dropped}: {recorder.files[-1]}")
-    if failure := recorders[-1].failure:
-        raise ThumperError(f"the recording ended early: {failure}")
+        print(recording_summary(recorder))
+    if failure := recording_failure(recorders[-1]):
+        raise ThumperError(failure)

@@ -104,7 +104,7 @@ def _opened(options: RunOptions, settings: RobotConfig, *, serving: bool) -> Ite
         open_robot(
             settings, start, known, map_path=map_path, annotations=annotations, datum=datum, opened=path
         ) as robot,
-        recorded(robot, settings, start, options.record, options.record_to),
+        recorded(robot, settings, start, options.record, options.record_to, serving=serving),
         join_bus(robot, settings.name, settings.bus),
         autosaved(robot, options.out),
     ):

@@ -17,6 +17,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from thumper.cli.output.recording_summary import recording_failure, recording_summary
 from thumper.config.bus import BusOptions
 from thumper.config.dashboard import DashboardOptions
 from thumper.config.recording import RecordingOptions
@@ -282,3 +283,28 @@ def test_budget_counts_parts_beyond_999(tmp_path: Path) -> None:
     size = (tmp_path / names[0]).stat().st_size
     deleted = make_room(tmp_path, "mole", budget_bytes=2.5 * size, reserve_bytes=0)
     assert [path.name for path in deleted] == oldest_first[:4]
+
+
+def test_a_recording_for_which_there_never_was_room_is_reported(tmp_path: Path) -> None:
+    options = RecordingOptions(spare_MB=1e9)
+    reports: list[str] = []
+    recorder = Recorder(tmp_path, RUN, options, report=reports.append)
+    until(lambda: reports)
+    for topic, now_s, message in cycles(2):
+        recorder(topic, now_s, message)
+    recorder.close()
+    assert re.fullmatch(
+        r"0 messages, [1-9]\d* missing: the disk was full or too slow", recording_summary(recorder)
+    )
+    assert recording_failure(recorder) == "the recording ended early: the disk is full"
+
+
+def test_the_summary_names_the_file_and_a_failure_its_repair(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path, RUN)
+    for topic, now_s, message in cycles(2):
+        recorder(topic, now_s, message)
+    recorder.close()
+    assert recording_summary(recorder) == f"{recorder.written} messages: {recorder.files[-1]}"
+    assert not recording_failure(recorder)
+    recorder.failure = "the disk is full"
+    assert recording_failure(recorder).endswith(f"; `thumper recover {tmp_path}` repairs its last file")

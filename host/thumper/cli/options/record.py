@@ -1,6 +1,5 @@
 """`--record` and `--record-to` of the commands that drive a robot."""
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,7 +13,13 @@ if TYPE_CHECKING:
 
 @contextmanager
 def recorded(
-    robot: "RobotLoop", settings: "RobotConfig", start: "Pose2 | None", record: bool, record_to: Path | None
+    robot: "RobotLoop",
+    settings: "RobotConfig",
+    start: "Pose2 | None",
+    record: bool,
+    record_to: Path | None,
+    *,
+    serving: bool = False,
 ) -> Iterator[None]:
     """Record from the start if requested; `record_start` and `record_stop` work over the bus in any case.
 
@@ -24,6 +29,8 @@ def recorded(
         The folder cannot be written.
     """
     from thumper.cli.output.folder import prepare_output
+    from thumper.cli.output.recording_summary import recording_failure, recording_summary
+    from thumper.cli.output.stderr_report import report_to_stderr
     from thumper.common.geometry import Pose2
     from thumper.recording.start_stop import recording_control
     from thumper.runtime.requests import LogMessage
@@ -31,7 +38,8 @@ def recorded(
     folder = record_to or Path(settings.recording.folder)
 
     def say(text: str) -> None:
-        print(f"thumper: {text}", file=sys.stderr)
+        if not serving:  # else the events are printed
+            report_to_stderr(text)
         robot.request_queue.put(LogMessage(text=text))
 
     with recording_control(robot, settings, start or Pose2(), folder, say) as switch:
@@ -42,6 +50,7 @@ def recorded(
             yield
         finally:
             recorder = switch.close()
-            if recorder is not None and recorder.files and not recorder.failure:
-                dropped = f", {recorder.dropped} dropped: the disk is too slow" if recorder.dropped else ""
-                print(f"recorded {recorder.written} messages{dropped}: {recorder.files[-1]}")
+            if recorder is not None:
+                print(f"recorded {recording_summary(recorder)}")
+                if failure := recording_failure(recorder):
+                    report_to_stderr(failure)
