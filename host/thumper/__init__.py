@@ -1,19 +1,27 @@
-"""The brain of a differential-drive robot: `Robot`, `ThumperError`."""
+"""The brain of a differential-drive robot: `Robot`, `DriveResult`, `Pose2`, `ThumperError`."""
 
 from thumper.common.errors import ThumperError
 from thumper.common.version import __version__
 
 TYPE_CHECKING = False  # importing typing would take longer than all other imports here
 if TYPE_CHECKING:
+    from thumper.common.geometry import Pose2
     from thumper.robot import Robot
+    from thumper.runtime.drive_result import DriveResult
 
-__all__ = ["Robot", "ThumperError", "__version__"]
+__all__ = ["DriveResult", "Pose2", "Robot", "ThumperError", "__version__"]
+
+_MODULES = {
+    "DriveResult": "thumper.runtime.drive_result",
+    "Pose2": "thumper.common.geometry",
+    "Robot": "thumper.robot",
+}
 
 
 def __getattr__(name: str) -> object:
-    """Import `Robot` on first use, so that `import thumper` alone stays fast."""
-    if name == "Robot":
-        from thumper.robot import Robot
+    """Import a class on first use, so that `import thumper` alone stays fast."""
+    if name in _MODULES:
+        from importlib import import_module
 
-        return Robot
+        return getattr(import_module(_MODULES[name]), name)
     raise AttributeError(f"module 'thumper' has no attribute {name!r}")

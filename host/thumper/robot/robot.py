@@ -56,7 +56,17 @@ DISARM_CYCLES = 3  # telemetry from before the disarming may still arrive
 
 
 class Robot:
-    """A robot on its ports, or a simulated one. Use it in a `with` statement."""
+    """A robot on its ports, or a simulated one. Use it in a `with` statement.
+
+        with Robot("sim://") as robot:
+            robot.forward(0.5)
+            robot.goto(0.5, -0.5, heading_deg=90)
+            print(robot.pose)
+
+    All poses are in the map: x forward and y to the left of the start pose [m], angles counter-clockwise.
+    `forward`, `turn`, `goto`, `patrol`, `explore`, `dock` and `undock` return a `DriveResult`. A drive that
+    does not arrive raises nothing: `reached` is False and `reason` says why.
+    """
 
     def __init__(
         self,
@@ -87,7 +97,7 @@ class Robot:
             )
         if not (start is None or isinstance(start, Pose2)):
             raise ThumperError(
-                "Robot: start is a thumper.common.geometry.Pose2(x_m=, y_m=, theta_rad=)",
+                "Robot: start is a thumper.Pose2(x_m=, y_m=, theta_rad=)",
                 exit_code=EXIT_USAGE,
             )
         if start is not None:
@@ -145,8 +155,9 @@ class Robot:
     def forward(self, distance_m: float, *, v_m_s: float = 0.25) -> DriveResult:
         """Drive straight by `distance_m`, backward if negative, and return the result.
 
-        The robot keeps its line by the pose in the map. It stops before an obstacle that the newest scan
-        shows; the result's `reason` says so. Behind the robot, a lidar may see nothing.
+        `v_m_s` is the highest speed. The robot keeps its line by the pose in the map, and corrects its stop;
+        the path length includes that. It stops before an obstacle that the newest scan shows; the result's
+        `reason` says so. Behind the robot, a lidar may see nothing.
 
         Raises
         ------
@@ -166,7 +177,7 @@ class Robot:
     ) -> DriveResult:
         """Turn in place, counter-clockwise if positive: `turn(1.57)` or `turn(deg=90)`; return the result.
 
-        Stops before an obstacle as `forward` does.
+        `w_rad_s` is the highest turn rate. Stops before an obstacle as `forward` does.
 
         Raises
         ------
@@ -217,7 +228,8 @@ class Robot:
     ) -> DriveResult:
         """Plan a path to a place in the map, drive there around obstacles and return the result.
 
-        Time and path length are those of this drive. `tolerance_m` is 0.02...1.
+        Without a heading, any will do. The robot stops within `tolerance_m` of the place, 0.02...1. Time and
+        path length are those of this drive.
 
         Raises
         ------
@@ -320,19 +332,19 @@ class Robot:
 
     @property
     def pose(self) -> Pose2:
-        """The robot's pose in the map."""
+        """The robot's pose in the map [m, m, rad]."""
         self._catch_up()
         return self._state.map_from_base
 
     @property
     def map(self) -> OccupancyGrid:
-        """The map so far."""
+        """The map so far: `cells` of shape (rows, columns), its resolution [m] and its origin [m]."""
         self._catch_up()
         return self._loop.mapper.grid()
 
     @property
     def scan(self) -> Scan:
-        """The newest scan."""
+        """The newest scan: `ranges_m` of shape (n,); `angles_rad()` gives each beam in the laser frame."""
         self._catch_up()
         scan = self._loop.inputs.newest_scan
         assert scan is not None  # the first scans came with __enter__
@@ -340,7 +352,7 @@ class Robot:
 
     @property
     def telemetry(self) -> Telemetry:
-        """The newest telemetry of the board, in its own units."""
+        """The newest telemetry of the board, in its own units: mrad/s, mV, mA, counts."""
         self._catch_up()
         telemetry = self._loop.inputs.telemetry
         assert telemetry is not None
@@ -348,7 +360,7 @@ class Robot:
 
     @property
     def wheel_speeds(self) -> WheelSpeeds:
-        """The measured wheel speeds."""
+        """The measured speeds of the left and the right wheels [rad/s]."""
         telemetry = self.telemetry
         return WheelSpeeds(
             left_rad_s=telemetry.left_speed / 1000.0, right_rad_s=telemetry.right_speed / 1000.0
@@ -361,7 +373,7 @@ class Robot:
 
     @property
     def log(self) -> DriveLog:
-        """Wheel speeds and poses since the start, and the plans of all `goto` calls, as arrays."""
+        """All since the start: `speeds`, shape (n, 7), `poses`, shape (n, 4), and `plans`, each (n, 2)."""
         return self._loop.log
 
     def plot(self) -> "RobotFigure":
