@@ -1,5 +1,7 @@
 """The report's words about the effect of new gains."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from thumper_tuning.design.gains import DesignOptions, design
 from thumper_tuning.drive.verify import COLUMNS, TrackingError, Verification, tracking_error
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.report.page import BoardResults, verdict
-from thumper_tuning.report.text import is_better, tracking_change
+from thumper_tuning.report.text import design_lines, is_better, tracking_change
 
 
 def drive(std_rad_s: float, seed: int) -> TrackingError:
@@ -17,6 +19,10 @@ def drive(std_rad_s: float, seed: int) -> TrackingError:
     rows[:, 2] = 1.0
     rows[:, [4, 7]] = np.random.default_rng(seed).normal(0.0, std_rad_s, (130, 2))
     return tracking_error(rows, 4.0)
+
+
+def test_the_printed_gains_have_units() -> None:
+    assert re.match(r"  kp +[\d.]+ PWM/\(rad/s\) +\(\d+ on the wire\)$", design_lines(DESIGN)[0])
 
 
 def test_the_standard_error_is_the_spread_between_drives() -> None:

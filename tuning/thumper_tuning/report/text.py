@@ -2,6 +2,7 @@
 
 import math
 
+from thumper_tuning.design.fixed_point import PARAMETER_SPECS
 from thumper_tuning.design.gains import Design
 from thumper_tuning.design.loops import SpeedLoop
 from thumper_tuning.drive.verify import TrackingError, Verification
@@ -81,7 +82,10 @@ def design_lines(design: Design) -> list[str]:
     """Return the gains, the loop's margins, and a warning if another load or battery reduces them."""
     wire = design.gains.wire_values()
     margins, worst, step = design.margins, design.worst_case, design.step_info
-    lines = [f"  {name:13} {value:9.4f}   ({wire[name]} on the wire)" for name, value in design.gains.items()]
+    lines = [
+        f"  {name:13} {value:9.4f} {PARAMETER_SPECS[name].unit:20} ({wire[name]} on the wire)"
+        for name, value in design.gains.items()
+    ]
     lines.append(
         f"  Ms {margins.max_sensitivity:.2f} (worst of the family {worst.max_sensitivity:.2f}), gain margin "
         f"{margins.gain_margin:.2f}, phase margin {margins.phase_margin_deg:.0f} deg, delay margin "
