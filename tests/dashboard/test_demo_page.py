@@ -1,5 +1,6 @@
 """What a page shows of `thumper demo --ui` while no robot of the demo runs."""
 
+import socket
 import time
 from dataclasses import replace
 
@@ -12,6 +13,7 @@ from thumper.config.robot import RobotConfig
 from thumper.dashboard.process import open_pages
 from thumper.ros.from_ros import status_of
 from thumper.ros.status import Status
+from thumper_hil.demo.free_ports import on_free_ports
 from thumper_hil.demo.in_browser import DemoBus
 
 
@@ -38,3 +40,20 @@ def test_server_counts_the_open_pages(page: Page, server: Server) -> None:
     page.close()
     until(lambda: open_pages(f"{server.url}/") == 0)
     assert open_pages(f"http://localhost:{free_port()}/") is None
+
+
+def test_the_demo_takes_other_ports_than_those_in_use() -> None:
+    config = RobotConfig()
+    taken = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
+    page, bus = (server.getsockname()[1] for server in taken)
+    busy = replace(
+        config,
+        dashboard=replace(config.dashboard, port=page),
+        bus=config.bus.at(f"127.0.0.1:{bus}"),
+    )
+    chosen = on_free_ports(busy)
+    for server in taken:
+        server.close()
+    assert chosen.dashboard.port not in (page, bus)
+    assert chosen.bus.address not in (busy.bus.address, f"127.0.0.1:{page}")
+    assert on_free_ports(busy) == busy  # now they are free

@@ -18,8 +18,9 @@ from thumper.ros.to_ros import Messages
 from thumper.runtime.loop import RobotLoop
 from thumper.runtime.requests import LogMessage
 from thumper.runtime.service.request_queue import RequestQueue
+from thumper_hil.demo.free_ports import on_free_ports
 from thumper_hil.demo.missions import MISSIONS
-from thumper_hil.demo.results import write_results
+from thumper_hil.demo.results import NEXT_STEPS, print_next_steps, write_results
 from thumper_hil.demo.run import drive, load_kernels, opened
 
 SERVER_TIMEOUT_S = 30.0
@@ -73,13 +74,13 @@ def run_in_browser(out: Path, *, seed: int, console: Console, preset: str = "nom
 
     At the end, the last robot stays for the page until Ctrl-C.
     """
-    config = RobotConfig()
+    config = on_free_ports(RobotConfig())
     url = check_options(config.dashboard).url
     with ExitStack() as stack:
-        stack.enter_context(dashboard_process(None, config.bus.address))
+        stack.enter_context(dashboard_process(None, config.bus.address, port=config.dashboard.port))
         bus = DemoBus(config)
         stack.callback(bus.close)
-        bus.notice = "the demo starts as soon as its kernels are loaded"
+        bus.notice = "the demo is loading; its first run compiles for this computer, for some minutes"
         load_kernels(console)
         wait_for_page(url, console)
         robots = stack.enter_context(ExitStack())
@@ -97,11 +98,14 @@ def run_in_browser(out: Path, *, seed: int, console: Console, preset: str = "nom
             outcomes.append(drive(robot, mission, console, started_s=started_s))
         bus.notice = "both missions are over; writing the results"
         write_results(out, outcomes, {"seed": seed, "preset": preset}, console)
+        print_next_steps(console, NEXT_STEPS[1:])  # the first is this demo
         if open_pages(url):
             console.print("The demo is over. Now you can drive the robot on the page. Press Ctrl-C to stop.")
             robot.drive_manager.abort("the demo is over; now you can drive the robot")
             robot.publisher.add_sink(print_problems)
             robot.serve()
+        else:
+            console.print(f"No browser shows {url}, so the demo ends here.")
     return all(outcome.passed for outcome in outcomes)
 
 

@@ -66,15 +66,14 @@ def write_results(
     console.print(f"preset {setting['preset']}; simulation ran at {speed}", highlight=False)
     files = "map.pgm, map.yaml, map.session, missions.png, speed_control.png, table.md, summary.json"
     console.print(f"in {out}/: {files}", soft_wrap=True)
-    print_next_steps(console)
 
 
-def print_next_steps(console: Console) -> None:
+def print_next_steps(console: Console, steps: Sequence[tuple[str, str]] = NEXT_STEPS) -> None:
     """Print what to try next, as commands to copy."""
     beside = os.path.relpath(Path(sys.executable).with_name("thumper"))
     program = "thumper" if shutil.which("thumper") else min(beside, os.path.abspath(beside), key=len)
     console.print("\nTry next:")
-    for arguments, effect in NEXT_STEPS:
+    for arguments, effect in steps:
         console.print(f"  {program} {arguments}", highlight=False, soft_wrap=True)
         console.print(f"      {effect}", highlight=False)
     console.print("  docs/tutorials/simulated.md goes on from here.", highlight=False)

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from thumper.board.options import BoardOptions
 from thumper.cli.options.record import recorded
+from thumper.cli.output.compile_progress import compile_progress
 from thumper.cli.output.drive_progress import ProgressDisplay, raise_if_interrupted
 from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
@@ -23,7 +24,7 @@ from thumper_hil.bench import simulation
 from thumper_hil.demo.map_error import compare_map
 from thumper_hil.demo.missions import MISSIONS, DemoMission
 from thumper_hil.demo.outcome import Outcome
-from thumper_hil.demo.results import write_results
+from thumper_hil.demo.results import print_next_steps, write_results
 from thumper_hil.world.world import World
 
 
@@ -42,12 +43,13 @@ def run_demo(out: Path, *, seed: int, realtime: bool, console: Console, preset: 
         for mission in MISSIONS
     ]
     write_results(out, outcomes, {"seed": seed, "preset": preset}, console)
+    print_next_steps(console)
     return all(outcome.passed for outcome in outcomes)
 
 
 def load_kernels(console: Console) -> None:
     """Load the compiled kernels; the first run compiles them."""
-    with console.status("loading the compiled kernels (compiling them on the first run)"):
+    with compile_progress(console), console.status("loading the compiled kernels"):
         warm_up(RobotConfig())
 
 

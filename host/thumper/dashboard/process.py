@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -163,8 +164,12 @@ def _print_line(text: str) -> None:
 
 
 @contextmanager
-def dashboard_process(config: Path | None, robot_address: str, *, wanted: bool = True) -> Iterator[None]:
+def dashboard_process(
+    config: Path | None, robot_address: str, *, wanted: bool = True, port: int = 0
+) -> Iterator[None]:
     """Run the page in its own process, if `wanted`, while the robot runs in this one.
+
+    `port` is that of the page; 0 for the configured one.
 
     Raises
     ------
@@ -181,11 +186,14 @@ def dashboard_process(config: Path | None, robot_address: str, *, wanted: bool =
 
     if find_spec("nicegui") is None:
         raise ModuleNotFoundError(name="nicegui")
-    bind_port(check_options(load_config(config).dashboard)).close()
+    options = load_config(config).dashboard
+    bind_port(check_options(replace(options, port=port or options.port))).close()
     check_address_free(robot_address)  # else the page would show another robot
     command = [sys.executable, "-m", "thumper", "dashboard", "--bus", robot_address]
     if config is not None:
         command += ["--config", str(config)]
+    if port:
+        command += ["--port", str(port)]
     process = PageProcess(command, _print_line)
     try:
         yield
