@@ -29,6 +29,7 @@ from thumper.slam.saved_state import load_session
 from thumper_hil.campaign.spec import load_campaign
 from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.world.world import World
+from thumper_tuning.calibration.wheel_log import COUNT_COLUMNS, read_csv
 from thumper_tuning.logs.read import read_logs
 
 MEMORY_BYTES = 1_000_000_000
@@ -87,6 +88,35 @@ def test_a_file_of_50_GB_is_refused(reader: Reader, tmp_path: Path) -> None:
     with (tmp_path / reader.file).open("wb") as stream:
         stream.truncate(50_000_000_000)
     refused(reader.read, tmp_path / reader.file)
+
+
+@pytest.mark.parametrize("byte", [b"\0", b"a", b"["])
+def test_a_file_of_one_long_line_is_refused_in_a_short_one(
+    reader: Reader, tmp_path: Path, byte: bytes
+) -> None:
+    if reader.name == "rows":
+        pytest.skip("its last line may be cut: the campaign continues there")
+    (tmp_path / reader.file).write_bytes(100_000 * byte)
+    message = refused(reader.read, tmp_path / reader.file)
+    assert len(message) < len(str(tmp_path)) + 600
+    assert message.isprintable()
+
+
+@pytest.mark.parametrize("read", [read_logs, lambda path: read_csv(path, COUNT_COLUMNS)])
+@pytest.mark.parametrize("line", [b"a" * 70_000, b"a," * 40_000])
+def test_a_line_that_no_table_has_is_refused(
+    tmp_path: Path, read: Callable[[Path], object], line: bytes
+) -> None:
+    """Guessing its separator and names would take minutes."""
+    path = tmp_path / "a.csv"
+    path.write_bytes(b"# a comment\n" + line + b"\n1\n")
+    assert "line 2 is longer than 64 kB" in refused(read, path)
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_empty_wheel_log_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").touch()
+    assert "it is empty" in refused(lambda path: read_csv(path, COUNT_COLUMNS), tmp_path / "a.csv")
 
 
 @pytest.mark.parametrize("image", ["/dev/zero", "pipe", "..", "\0"])

@@ -13,6 +13,7 @@ import numpy as np
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import read_bytes
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.texts import shortened
 from thumper.config.robot import RobotConfig
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.speed_limiter import SpeedLimiter
@@ -191,7 +192,7 @@ def _columns(path: Path, header: Sequence[str]) -> tuple[list[int] | None, bool]
         return None, False
     raise ThumperError(
         f"{path}: line 1: needs the columns {', '.join(METRES)} (or {', '.join(CELLS)}), "
-        f"has {', '.join(names)}; rename them",
+        f"has {shortened(', '.join(names))}; rename them",
         exit_code=EXIT_USAGE,
     )
 
@@ -200,7 +201,8 @@ def _number(path: Path, line: int, row: Sequence[str], index: int) -> float:
     text = row[index].strip() if index < len(row) else ""
     if not _is_number(text):
         raise ThumperError(
-            f"{path}: line {line}: '{text}' is not a number; fix column {index + 1}", exit_code=EXIT_USAGE
+            f"{path}: line {line}: '{shortened(text)}' is not a number; fix column {index + 1}",
+            exit_code=EXIT_USAGE,
         )
     return float(text)
 

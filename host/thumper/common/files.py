@@ -4,6 +4,7 @@ import csv
 import errno
 import io
 import os
+import re
 import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -12,6 +13,8 @@ from typing import IO
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 
+MAX_LINE_BYTES = 64_000
+LONG_LINE = re.compile(rb"[^\r\n]{%d}" % (MAX_LINE_BYTES + 1))
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -39,6 +42,18 @@ def read_bytes(path: Path, limit_MB: float) -> bytes:
 def read_text(path: Path, limit_MB: float) -> str:
     """Return a UTF-8 text file; raise OSError as `read_bytes`, or UnicodeDecodeError."""
     return read_bytes(path, limit_MB).decode("utf-8")
+
+
+def read_table_bytes(path: Path, limit_MB: float) -> bytes:
+    """Return the content of a text file with a table; raise OSError also for a line no table has.
+
+    What guesses separators and names takes minutes for it.
+    """
+    content = read_bytes(path, limit_MB)
+    if found := LONG_LINE.search(content):
+        line = content.count(b"\n", 0, found.start()) + 1
+        raise OSError(errno.EFBIG, f"line {line} is longer than {MAX_LINE_BYTES / 1000:g} kB", str(path))
+    return content
 
 
 @contextmanager

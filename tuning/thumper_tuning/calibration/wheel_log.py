@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
-from thumper.common.files import read_bytes, write_whole
+from thumper.common.files import read_table_bytes, write_whole
 from thumper.common.geometry import FloatArray
 from thumper.odometry.pose_buffer import interpolate_poses
 
@@ -58,8 +58,10 @@ def read_csv(path: Path, names: tuple[str, ...]) -> FloatArray:
         The file cannot be read, a column is missing, or its times do not increase.
     """
     try:
-        stream = io.BytesIO(read_bytes(path, MAX_MB))
-        table: Any = np.genfromtxt(stream, delimiter=",", names=True, dtype=np.float64)
+        content = read_table_bytes(path, MAX_MB)
+        if not content.strip():
+            raise ValueError("it is empty")  # numpy would also print a warning
+        table: Any = np.genfromtxt(io.BytesIO(content), delimiter=",", names=True, dtype=np.float64)
     except (OSError, ValueError, IndexError) as error:  # IndexError: no line for the names
         raise ThumperError(f"{path}: cannot read the file: {error}", exit_code=EXIT_USAGE) from error
     missing = [name for name in names if name not in (table.dtype.names or ())]
