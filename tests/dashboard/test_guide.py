@@ -248,6 +248,16 @@ def test_each_end_of_a_mission_or_exploration_is_the_outcome_of_the_step(event: 
     assert (guide.outcomes[Step.GOAL].verdict, guide.outcomes[Step.GOAL].text) == (verdict, event)
 
 
+def test_an_exploration_is_over_once_the_robot_is_back() -> None:
+    guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
+    guide.begin(Step.MAP)
+    guide._follow_event("explored after 30 s: reached 2 of 2 frontiers")
+    assert guide.outcomes[Step.MAP].verdict == "warn"
+    assert guide.outcomes[Step.MAP].text.endswith("driving back to the start")
+    guide._follow_event("explored after 30 s: reached 2 of 2 frontiers; back at the start")
+    assert guide.outcomes[Step.MAP].verdict == "pass"
+
+
 class Simulator(StepCommand):
     """A simulator that hangs before its ports are there."""
 

@@ -136,3 +136,19 @@ def test_every_axis_has_two_labels_after_a_reversal(page: Page) -> None:
             }"""
         )
         assert min(counts) >= 2, (height, counts)
+
+
+def test_both_sides_have_the_same_scale(page: Page) -> None:
+    page.wait_for_function("document.querySelector('.tp-wheels').charts?.rows.length > 0")
+    ranges = page.evaluate(
+        """() => {
+          const charts = document.querySelector('.tp-wheels').charts;
+          const last_s = charts.rows.at(-1)[0];
+          charts.append([[last_s + 0.1, 1, 1, 50, 0, 0, 9, 8, 200, 0, 0]]);
+          return new Promise((done) => requestAnimationFrame(() => done(
+            charts.plots.map(({ chart }) => [chart.scales.y.min, chart.scales.y.max]))));
+        }"""
+    )
+    assert ranges[0] == ranges[1] != ranges[2] == ranges[3]
+    assert ranges[0][1] >= 9
+    assert ranges[2][1] >= 200

@@ -90,7 +90,8 @@ def build_page(options: PageOptions, robot: QueryClient) -> None:
 def _header(options: PageOptions, dark: ui.dark_mode) -> None:
     with ui.element("header").classes("tp-header"):
         inline('<b class="tp-brand">Thumper</b>')
-        _field("robot", options.robot).classes("tp-robot")
+        if options.robot != "thumper":  # the default
+            _field("robot", options.robot).classes("tp-robot")
         with box("tp-chips"):
             _chip("battery_full", "battery", "Battery").classes("tp-battery")
             _chip("satellite_alt", "gps_fix", "Fix and accuracy of the GPS").classes("tp-of-gps")

@@ -28,7 +28,8 @@ START_TIMEOUT_S = 300.0  # of `thumper run`, which compiles at its first start
 SIMULATOR_TIMEOUT_S = 120.0
 FIRST_DRIVE_M = 0.3
 MISSION_END = re.compile(r"mission \d+ (reached|failed|ended): ")
-EXPLORED = re.compile(r"explored |nothing is left to explore|.*; back at the start$")
+EXPLORED = re.compile(r"nothing is left to explore|.*; back at the start$")
+RETURNING = re.compile(r"(explored|time is up) after ")  # without "back at the start"
 NO_BETTER = "the new gains are no better; the board uses the old ones again"
 SAVED, NOT_SAVED = "map saved: ", "the map was not saved: "
 TURNED = "motor forward"  # in the lines of the wheel check
@@ -299,6 +300,8 @@ class Guide:
             self._set("pass" if match[1] == "reached" else "fail", text)
         elif EXPLORED.match(text):
             self._set("pass", text)
+        elif RETURNING.match(text):
+            self._set("warn", f"{text}; driving back to the start")
         elif text.startswith(("not back: ", "ended after ", "interrupted after ")):
             self._set("fail", text)
 

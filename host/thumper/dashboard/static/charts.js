@@ -14,8 +14,9 @@ const COLUMNS = [
     `${side}_setpoint_rad_s`, `${side}_speed_rad_s`, `${side}_pwm`, `${side}_integral_pwm`, `${side}_current_A`,
   ]),
 ];
-const SPEED = { names: ["setpoint", "speed"], colours: ["setpoint", "speed"], minTop: 2, digits: 2 };
-const PWM = { names: ["PWM", "integral"], colours: ["pwm", "integral"], minTop: 40, digits: 0 };
+// `scale`: the columns of both sides, which have one y axis so that they can be compared
+const SPEED = { names: ["setpoint", "speed"], colours: ["setpoint", "speed"], minTop: 2, digits: 2, scale: [1, 2, 6, 7] };
+const PWM = { names: ["PWM", "integral"], colours: ["pwm", "integral"], minTop: 40, digits: 0, scale: [3, 4, 8, 9] };
 const PLOTS = [
   { title: "Left · rad/s", columns: [1, 2], ...SPEED },
   { title: "Right · rad/s", columns: [6, 7], ...SPEED },
@@ -29,6 +30,7 @@ const labelSpace = (_chart, _axis, _low, _high, height) => Math.max(10, height /
 class Charts {
   constructor(root) {
     this.rows = []; // each in the order of COLUMNS
+    this.shown = []; // those in the time window
     this.frozen = false;
     this.window_s = 30;
     this.addToolbar(root);
@@ -89,7 +91,7 @@ class Charts {
     return button;
   }
 
-  addPlot(grid, { title, columns, names, colours, minTop, digits }) {
+  addPlot(grid, { title, columns, names, colours, minTop, digits, scale }) {
     const box = grid.appendChild(document.createElement("div"));
     const head = box.appendChild(document.createElement("div"));
     head.className = "tp-charthead";
@@ -109,7 +111,7 @@ class Charts {
       legend: { show: false },
       scales: {
         x: { time: false, range: () => [-this.window_s, 0] },
-        y: { range: (_, low, high) => [Math.min(low ?? 0, -minTop / 4), Math.max(high ?? 0, minTop)] },
+        y: { range: () => this.rangeOf(scale, minTop) },
       },
       axes: [{ ...axis, size: 24, values: (_, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 38, space: labelSpace }],
       series: [
@@ -123,6 +125,18 @@ class Charts {
       ],
     }, [[0], ...columns.map(() => [null])], box);
     return { chart, columns, box, head, outputs, digits };
+  }
+
+  // The lowest and highest value of these columns in the time window, at least a quarter below 0 and `minTop`.
+  rangeOf(columns, minTop) {
+    let [low, high] = [-minTop / 4, minTop];
+    for (const row of this.shown) {
+      for (const column of columns) {
+        low = Math.min(low, row[column] ?? low);
+        high = Math.max(high, row[column] ?? high);
+      }
+    }
+    return [low, high];
   }
 
   resize() {
@@ -147,7 +161,7 @@ class Charts {
   render() {
     if (this.rows.length === 0) return;
     const newest_s = this.rows.at(-1)[0];
-    const rows = this.rows.filter((row) => row[0] >= newest_s - this.window_s);
+    const rows = this.shown = this.rows.filter((row) => row[0] >= newest_s - this.window_s);
     const times_s = rows.map((row) => row[0] - newest_s);
     for (const { chart, columns, outputs, digits } of this.plots) {
       chart.setData([times_s, ...columns.map((column) => rows.map((row) => row[column]))]);

@@ -38,7 +38,11 @@ export function drawGridEdge(context, camera, { info }, text) {
     info.rows * info.resolution_m * camera.scale);
   context.setLineDash([]);
   context.font = "11px Roboto, sans-serif";
-  context.fillText(text, Math.max(left, 0) + 4, Math.max(top, 0) + 12);
+  const at = [Math.max(left, 0) + 4, Math.max(top, 0) + 12];
+  context.strokeStyle = colour("map-unknown"); // readable on every cost
+  context.lineWidth = 3;
+  context.strokeText(text, ...at);
+  context.fillText(text, ...at);
 }
 
 // Grid lines over the whole view, and a scale bar.
