@@ -21,12 +21,19 @@ def main() -> None:
     gc.enable()
     try:
         run_command()
+    except KeyboardInterrupt:  # a second Ctrl-C, while the first one ended the command
+        _leave()
     except SystemExit as end:
         if end.code != EXIT_INTERRUPTED:
             raise
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(EXIT_INTERRUPTED)  # a second Ctrl-C may leave a thread of the bus, which aborts at exit
+        _leave()
+
+
+def _leave() -> None:
+    """Exit at once: a second Ctrl-C may leave a thread of the bus, which aborts at a regular exit."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(EXIT_INTERRUPTED)
 
 
 if __name__ == "__main__":

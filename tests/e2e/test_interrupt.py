@@ -75,3 +75,15 @@ def test_ctrl_c_ends_a_command_that_still_loads(tmp_path: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=30)
     assert (process.returncode, errors) == (130, "")
+
+
+def test_a_second_ctrl_c_during_the_first_ends_without_a_traceback() -> None:
+    script = (
+        "import thumper.cli.app as app\n"
+        "def interrupted(): raise KeyboardInterrupt\n"
+        "app.main = interrupted\n"
+        "from thumper.__main__ import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "")

@@ -262,10 +262,12 @@ class Board:
             reply, received = self._request(Identify(), Identity)
             received_bytes += received
             if self._schema_hash not in (None, SCHEMA_HASH):
+                fix = "flash the firmware of this program's version"
+                if self._port.url.startswith("sim://"):
+                    fix = "build the simulated board's again: `make firmware`"
                 raise ThumperError(
                     f"the firmware on {self._port.url} speaks another protocol version "
-                    f"({self._schema_hash:08x}, this program {SCHEMA_HASH:08x}); "
-                    "flash the firmware of this program's version",
+                    f"({self._schema_hash:08x}, this program {SCHEMA_HASH:08x}); {fix}",
                     exit_code=EXIT_NOT_THERE,
                 )
             if isinstance(reply, Identity):

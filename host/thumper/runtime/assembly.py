@@ -1,6 +1,7 @@
 """Opens the ports that a configuration names and wires the robot's parts to them."""
 
 import gc
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -281,10 +282,13 @@ def wait_for_fix(robot: RobotLoop) -> None:
     if not inputs.has_gps:
         return
     until_s, inputs.keep_log = inputs.now_s() + FIX_TIMEOUT_S, False
+    print(f"waiting for the first GPS fix, at most {FIX_TIMEOUT_S:g} s", file=sys.stderr, flush=True)
     while inputs.now_s() < until_s and (estimator.fix is None or estimator.fix.status is FixStatus.NONE):
         inputs.add_telemetry(inputs.board.poll(TELEMETRY_TIMEOUT_S))
         inputs.lidar.poll()
     inputs.keep_log = True
+    if inputs.now_s() >= until_s:
+        print("no GPS fix: searching the whole map for the pose", file=sys.stderr, flush=True)
 
 
 def wait_for_gyroscope(board: Board) -> None:

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 
 import pytest
 
+from thumper.board import board
 from thumper.board.board import Board
 from thumper.board.framing import encode_frame
 from thumper.board.messages import SCHEMA_HASH, Identity
@@ -84,6 +85,12 @@ def test_another_protocol_version(extra: bytes) -> None:
     assert f"{other:08x}" in message
     assert f"{SCHEMA_HASH:08x}" in message
     assert "flash" in message
+
+
+def test_a_simulated_board_of_another_version_must_be_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(board, "SCHEMA_HASH", SCHEMA_HASH ^ 0x1234)
+    with pytest.raises(ThumperError, match="make firmware"):
+        Board.open("sim://other/board", baud=500_000)
 
 
 def test_a_port_that_is_in_use() -> None:
