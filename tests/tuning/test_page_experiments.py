@@ -14,6 +14,7 @@ from thumper.lidar.options import LidarOptions
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.loop import RobotLoop
 from thumper.runtime.requests import EmergencyStop, Heartbeat, Query, RobotCommand
+from thumper_hil.bench import simulation
 from thumper_tuning.cli.page_experiments import WholeProgress
 
 
@@ -130,6 +131,26 @@ def test_a_disconnected_page_stops_its_experiment(robot: RobotLoop) -> None:
 def test_an_invalid_request_is_rejected(robot: RobotLoop, content: dict[str, Any]) -> None:
     assert not ask(robot, "experiment/start", content)["ok"]
     assert robot.request_handler.experiments.requested == ""
+
+
+def test_nothing_else_moves_the_robot_once_an_experiment_is_requested(robot: RobotLoop) -> None:
+    """It would start by itself, at the end of the drive."""
+    assert ask(robot, "experiment/start", {"name": "identify", "lane_m": 1.2})["ok"]
+    for name, content in (("command", {"command": "arm"}), ("mission/send", {"x_m": 0.5, "y_m": 0.0})):
+        assert ask(robot, name, content)["error"] == "identify is running: cancel it first"
+
+
+def test_an_experiment_does_not_start_after_the_board_was_lost(robot: RobotLoop) -> None:
+    """By then nobody expects it."""
+    bench = simulation("service")
+    save = Query(name="parameters/save", content={}, reply=lambda _: None, source="me")
+    robot.request_queue.put(save)  # the experiment waits until it is done
+    ask(robot, "experiment/start", {"name": "identify", "lane_m": 1.2})
+    bench.fault("board", "unplugged")
+    robot.cycle()
+    bench.fault("board", "ok")
+    assert robot.request_handler.experiments.requested == ""
+    assert "board" in ask(robot, "experiment/state", {})["problem"]
 
 
 def test_only_one_experiment_at_a_time(robot: RobotLoop) -> None:

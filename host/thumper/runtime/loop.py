@@ -269,6 +269,7 @@ class RobotLoop:
         reason = str(failure.error)
         confirmed = True
         self.drive_manager.abort(reason)
+        self.request_handler.experiments.drop(reason)
         if failure.board_answers or not self._is_serving:
             confirmed = self.stop()
         error = failure.error if confirmed else ThumperError(f"{reason}; {UNCONFIRMED}")

@@ -166,6 +166,11 @@ class Experiments:
             self._stop_reason = reason
         return bool(self.running)
 
+    def drop(self, reason: str) -> None:
+        """Forget an experiment that has not started: the robot failed, and later nobody expects it."""
+        if self.requested:
+            self.requested, self._problem = "", reason
+
     def state(self) -> ExperimentState:
         """Return what a browser page shows of it."""
         done, total, what = self._progress

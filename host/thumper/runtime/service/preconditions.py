@@ -21,9 +21,9 @@ class Preconditions:
             raise ThumperError(f"this run has its own goals; `thumper run` without a goal accepts {what}")
 
     def require_no_experiment(self) -> None:
-        """Refuse while an experiment drives the board."""
-        if self.experiments.running:
-            raise ThumperError(f"{self.experiments.running} is running: cancel it first")
+        """Refuse while an experiment drives the board, or is about to."""
+        if name := self.experiments.running or self.experiments.requested:
+            raise ThumperError(f"{name} is running: cancel it first")
 
     def require_stationary(self, action: str) -> None:
         """Refuse `action` while the robot moves, also by an experiment."""

@@ -10,10 +10,12 @@ from thumper.runtime.drive.drive_manager import DriveMode
 from thumper.runtime.service.preconditions import Preconditions
 
 
-def conditions(mode: DriveMode = DriveMode.IDLE, experiment: str = "", **others: Any) -> Preconditions:
+def conditions(
+    mode: DriveMode = DriveMode.IDLE, experiment: str = "", requested: str = "", **others: Any
+) -> Preconditions:
     return Preconditions(
         drive_manager=cast("Any", SimpleNamespace(mode=mode)),
-        experiments=cast("Any", SimpleNamespace(running=experiment)),
+        experiments=cast("Any", SimpleNamespace(running=experiment, requested=requested)),
         **others,
     )
 
@@ -28,6 +30,8 @@ def test_experiment_excludes_other_requests() -> None:
     conditions().require_no_experiment()
     with pytest.raises(ThumperError, match="step is running: cancel it first"):
         conditions(experiment="step").require_no_experiment()
+    with pytest.raises(ThumperError, match="step is running: cancel it first"):
+        conditions(requested="step").require_no_experiment()
 
 
 @pytest.mark.parametrize("mode", DriveMode)
