@@ -32,10 +32,13 @@ RAYS_PER_PIXEL = 1.0
 
 @cache
 def tag_texture(number: int, cell_px: int) -> GreyImage:
-    """Return the paper with tag `number` of the family 36h11."""
+    """Return the paper with tag `number` of the family 36h11, upright as in AprilRobotics/apriltag-imgs.
+
+    OpenCV's tags of this family stand on their heads.
+    """
     family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     tag = cv2.aruco.generateImageMarker(family, number, TAG_CELLS * cell_px)
-    paper = np.pad(tag, (PAPER_CELLS - TAG_CELLS) // 2 * cell_px, constant_values=255)
+    paper = np.pad(np.rot90(tag, 2), (PAPER_CELLS - TAG_CELLS) // 2 * cell_px, constant_values=255)
     return np.asarray(BLACK + (WHITE - BLACK) / 255.0 * paper, np.float32)
 
 

@@ -29,24 +29,19 @@ class TagCorners:
 
 @cache
 def _detector() -> Any:
-    import cv2
+    from pyapriltags import Detector
 
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
-    parameters.cornerRefinementWinSize = 10  # the defaults use little of the edges of a large tag
-    parameters.relativeCornerRefinmentWinSize = 0.5  # of a cell
-    family = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    return cv2.aruco.ArucoDetector(family, parameters)
+    # At half the resolution tags are found four times as fast; their edges are refined in the whole image.
+    return Detector(families="tag36h11", nthreads=1, quad_decimate=2.0)
 
 
-def find_tags(grey: Any) -> list[TagCorners]:
-    """Return the tags in an image, shape (height, width), of 8 bits."""
-    corners, numbers, _ = _detector().detectMarkers(grey)
-    if numbers is None:
-        return []
+def find_tags(grey: Any, detector: Any = None) -> list[TagCorners]:
+    """Return the tags in an image, shape (height, width), of 8 bits; `detector` is one of pyapriltags."""
+    detections = (detector or _detector()).detect(grey)
     return [
-        TagCorners(number=int(number), corners_px=np.asarray(each, np.float64).reshape(4, 2))
-        for number, each in zip(np.ravel(numbers), corners, strict=True)
+        # The library begins at the bottom left, counter-clockwise, and has the first pixel's centre at 0.5.
+        TagCorners(number=each.tag_id, corners_px=np.asarray(each.corners, np.float64)[::-1] - 0.5)
+        for each in detections
     ]
 
 

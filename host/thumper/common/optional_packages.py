@@ -9,8 +9,8 @@ EXTRAS = {  # extra of pyproject.toml: the feature it serves, the modules it ins
     "ui": ("the page", ("nicegui", "cryptography")),
     "gamepad": ("a gamepad", ("pygame",)),
     "foxglove": ("Foxglove", ("foxglove", "cryptography")),
-    "camera": ("the camera", ("cv2",)),
-    "objects": ("a detector of objects", ("cv2", "onnxruntime")),
+    "camera": ("the camera", ("cv2", "pyapriltags")),
+    "objects": ("a detector of objects", ("cv2", "pyapriltags", "onnxruntime")),
     "notebooks": ("a live picture", ("IPython",)),
     "campaign": ("a campaign", ("distributed", "dask")),
 }

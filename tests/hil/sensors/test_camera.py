@@ -27,7 +27,7 @@ if importlib.util.find_spec("cv2") is None:
     pytest.skip("the extra `camera` is not installed", allow_module_level=True)
 
 from thumper_hil.sensors.camera import Camera
-from thumper_hil.sensors.camera_view import CameraView
+from thumper_hil.sensors.camera_view import CameraView, tag_texture
 from thumper_hil.world.paint import Paint
 from thumper_hil.world.tag_shape import TagShape
 from thumper_hil.world.world import World
@@ -81,6 +81,31 @@ def test_a_tag_is_found_where_it_is(
         best = min(poses, key=lambda pose: abs(wrap_angle(pose.theta_rad - true.theta_rad)))
         assert best.distance_m(true) < error_m
         assert abs(wrap_angle(best.theta_rad - true.theta_rad)) < math.radians(error_deg)
+
+
+PUBLISHED = """\
+..........
+.########.
+.#..#.#.#.
+.##...#.#.
+.##..####.
+.#.#.####.
+.##.#..##.
+.####.###.
+.########.
+.........."""  # tag36_11_00000.png of AprilRobotics/apriltag-imgs
+
+
+def test_the_published_tag_stands_upright() -> None:
+    """Both in the simulated world and in what the robot finds: OpenCV's tags are turned by 180 degrees."""
+    cells = np.array([[255 * (cell == ".") for cell in row] for row in PUBLISHED.splitlines()], np.uint8)
+    rendered = tag_texture(0, 1)
+    assert np.array_equal(rendered > rendered.mean(), cells > 0)
+    (seen,) = find_tags(np.pad(np.kron(cells, np.ones((20, 20), np.uint8)), 40, constant_values=255))
+    assert seen.number == 0
+    left_px, right_px = 40 + 20 - 0.5, 40 + 180 - 0.5
+    expected = [(left_px, left_px), (right_px, left_px), (right_px, right_px), (left_px, right_px)]
+    assert seen.corners_px == pytest.approx(np.array(expected), abs=0.05)
 
 
 def test_a_coloured_box_is_seen_where_it_is_and_hides_what_is_behind() -> None:
