@@ -88,11 +88,23 @@ class ErrorsWithContext:
             raise
 
 
-class PlainGroup(ErrorsWithContext, TyperGroup):
+class FlagsWithoutType:
+    """Shows no type in the help of a flag: it takes no value."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the options and arguments."""
+        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]  # of the command
+        for parameter in parameters:
+            if getattr(parameter, "is_flag", False):
+                parameter.display_type_rich = lambda ctx: None
+        return parameters
+
+
+class PlainGroup(ErrorsWithContext, FlagsWithoutType, TyperGroup):
     """A command with subcommands."""
 
 
-class PlainCommand(ErrorsWithContext, TyperCommand):
+class PlainCommand(ErrorsWithContext, FlagsWithoutType, TyperCommand):
     """A command whose arguments appear in capitals, and whose repeated options may take pairs X Y."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -139,6 +151,7 @@ def _show_version(wanted: bool) -> None:
 def build_app() -> typer.Typer:
     """Build the command line from the commands below and the plugins of other packages."""
     app = typer.Typer(
+        cls=PlainGroup,
         help="A brain for differential-drive robots: wheel speed control, mapping and navigation.",
         no_args_is_help=True,
         rich_markup_mode="markdown",  # in "rich" a unit such as [m] is markup and vanishes

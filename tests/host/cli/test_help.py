@@ -62,3 +62,8 @@ def test_each_command_lists_its_options(thumper: Run, command: str) -> None:
 
 def test_help_keeps_text_in_brackets(thumper: Run) -> None:
     assert "X in the map [m]," in thumper("goto", "--help").out
+
+
+def test_help_shows_no_type_for_a_flag(thumper: Run) -> None:
+    for arguments in ([], ["demo"], ["goto"], ["tune", "record"]):
+        assert "<bool>" not in thumper(*arguments, "--help").out

@@ -27,7 +27,7 @@ class GoalLimits:
             raise ThumperError("the robot is in a keep-out zone: drive it out manually, or remove the zone")
         if goal.distance_m(state.map_from_base) > MAX_GOAL_DISTANCE_M:
             raise ThumperError(
-                f"goal {goal} is outside any map that could be made on the way: "
+                f"goal {goal} is {goal.distance_m(state.map_from_base):.0f} m away; "
                 f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of the robot"
             )
         grid = self.estimator.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
