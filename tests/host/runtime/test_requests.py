@@ -84,6 +84,17 @@ def test_a_place_too_far_is_refused_with_its_distance(
     assert refused.value.exit_code == EXIT_USAGE
 
 
+def test_a_far_place_is_not_called_exchanged() -> None:
+    with pytest.raises(ThumperError, match=r"1 km away$"):
+        parse_goal({"latitude_deg": 48.1, "longitude_deg": 11.0}, datum=MapDatum(48.0, 11.0, 0.0))
+
+
+@pytest.mark.parametrize("name", ["latitude_deg", "longitude_deg"])
+def test_a_place_on_earth_needs_both_coordinates(name: str) -> None:
+    with pytest.raises(ThumperError, match="both numbers"):
+        parse_goal({name: 48.0}, datum=MapDatum(48.0, 11.0, 0.0))
+
+
 @pytest.mark.parametrize(
     "wrong", [{"latitude_deg": 91.0}, {"longitude_deg": "11"}, {"longitude_deg": math.nan}, {"x_m": 1.0}]
 )
