@@ -133,7 +133,8 @@ def load_library() -> ctypes.CDLL:
             ctypes.c_int,
             [
                 *(chip, ctypes.c_void_p, cycle, ctypes.c_int, ctypes.c_char, ctypes.c_int),
-                *(ctypes.c_char_p, size, cycle, ctypes.c_int, ctypes.c_int, ctypes.c_void_p, size),
+                *(ctypes.c_char_p, size, cycle, ctypes.c_int, ctypes.c_int, ctypes.c_char_p),
+                *(ctypes.c_void_p, size),
             ],
         ),
         "probe_open": (ctypes.c_void_p, [chip, ctypes.c_int]),

@@ -3,6 +3,7 @@
 import ctypes
 import re
 import subprocess
+from collections.abc import Set
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -10,7 +11,8 @@ from pathlib import Path
 from thumper.board.framing import encode_frame
 from thumper.board.messages import BoardModel, Identify
 from thumper_hil.chip.chip import CPU_HZ, ChipError
-from thumper_hil.chip.instrumented_chip import InstrumentedChip
+from thumper_hil.chip.chip_faults import FaultyChip
+from thumper_hil.chip.instrumented_chip import FLASH_BYTES
 from thumper_hil.chip.wiring import ENCODERS
 
 TICKS, MEMORY, BYTES = 4, 48, 320
@@ -85,7 +87,7 @@ def symbol(elf: Path, name: str) -> Symbol:
     return Symbol(address=int(found[1], 16) & 0xFFFF, size=int(found[2], 16))
 
 
-class SweptChip(InstrumentedChip):
+class SweptChip(FaultyChip):
     """A T'REX whose interrupts can be forced at every instruction."""
 
     def sweep(
@@ -97,6 +99,7 @@ class SweptChip(InstrumentedChip):
         watch: tuple[Symbol, Symbol],
         stride: int = 1,
         per_address: int = 0,
+        skip: Set[int] = frozenset(),
     ) -> list[Branch]:
         """Force an interrupt after every `stride`-th instruction of the main loop in the next `seconds`.
 
@@ -104,8 +107,9 @@ class SweptChip(InstrumentedChip):
         control tick. For an edge, channel A of that encoder changes; for RECEIVE, an `identify` begins to
         arrive. SEND, ANALOGUE and I2C end early what their device is doing; instructions where it does
         nothing are left out, as is TONE_PULSE without a tone. `per_address` above 0: only so often at each
-        address of the program, for long windows; each branch then records only what follows it and the frame
-        that is arriving, and its first tick is the last one before it.
+        address of the program, and not at all at those in `skip`, for long windows; each branch then
+        records only what follows it and the frame that is arriving, and its first tick is the last one
+        before it.
 
         Raises
         ------
@@ -130,6 +134,7 @@ class SweptChip(InstrumentedChip):
             round(tail_s * CPU_HZ),
             stride,
             per_address,
+            bytes(address in skip for address in range(FLASH_BYTES)),
             branches,
             CAPACITY,
         )

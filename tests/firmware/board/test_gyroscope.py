@@ -282,9 +282,9 @@ def test_another_device_is_asked_for_its_name_and_left_alone() -> None:
         for _ in range(10):
             run_for(robot.chip, 0.1 * STEP_S)
             sent.append(robot.chip.data(TWDR))
-        busy += bool(robot.chip.data(TWCR) & TWEN)
+            busy += bool(robot.chip.data(TWCR) & TWEN)
     assert set(sent[1:]) <= {0xFF, 0x00, ADDRESS << 1, ADDRESS << 1 | 1, WHO_AM_I}
-    assert 0 < busy < 10
+    assert 0 < busy < 10, busy
 
 
 def test_a_missing_device_gets_nine_clock_pulses_before_each_try() -> None:

@@ -95,7 +95,7 @@ def test_a_late_main_loop_shortens_no_rest() -> None:
     chip = InstrumentedChip(ELF, params=RobotParams.load())
     run_for(chip, 0.5)
     send(chip, CommandRequest(command=Command.ARM))
-    requests = 9 * encode_frame(Identify.ID, 7, Identify().pack())
+    requests = 7 * encode_frame(Identify.ID, 7, Identify().pack())
     rests_s, turned_s = [], None
     forward = chip.data(PORTD) >> 2 & 1
     for step in range(round(2.0 / STEP_S)):

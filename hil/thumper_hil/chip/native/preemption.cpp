@@ -165,7 +165,7 @@ void PreemptionSweep::Force(int vector, char port, int bit, const uint8_t* frame
 
 int PreemptionSweep::Run(uint64_t until_cycle, int vector, char port, int bit, const uint8_t* frame,
                          std::size_t frame_size, uint64_t tail_cycles, int stride, int per_address,
-                         Branch* branches, std::size_t capacity) {
+                         const uint8_t* skip, Branch* branches, std::size_t capacity) {
   void* const memory =
       mmap(nullptr, sizeof(Branch), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED) return -1;
@@ -180,7 +180,7 @@ int PreemptionSweep::Run(uint64_t until_cycle, int vector, char port, int bit, c
   while (avr_->cycle < until_cycle && count < capacity) {
     const bool in_main_loop = depth_ == 0 && avr_->state == cpu_Running;
     const bool line_is_free = vector != kReceiveVector || chip_.uart().idle();
-    const bool wanted = per_address == 0 || (line_is_free && visits[avr_->pc] < per_address);
+    const bool wanted = per_address == 0 || (line_is_free && visits[avr_->pc] < per_address && skip[avr_->pc] == 0);
     if (in_main_loop && wanted && CanForce(vector) && instruction++ % stride == 0) {
       ++visits[avr_->pc];
       *shared = {};

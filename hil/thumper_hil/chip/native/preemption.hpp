@@ -39,10 +39,12 @@ class PreemptionSweep {
   /// arrives. Serial port, converter and two-wire interface end early what they are doing, so only
   /// instructions count while they do. per_address > 0: only that often at each address, and each branch
   /// records only what follows and the frame that is arriving; its first tick is then the last one before it.
+  /// Then `skip`, one byte per address of the program, names addresses to leave out.
   /// Return the number of branches, at most `capacity`, or -1
   /// if the system is out of processes.
   int Run(uint64_t until_cycle, int vector, char port, int bit, const uint8_t* frame, std::size_t frame_size,
-          uint64_t tail_cycles, int stride, int per_address, Branch* branches, std::size_t capacity);
+          uint64_t tail_cycles, int stride, int per_address, const uint8_t* skip, Branch* branches,
+          std::size_t capacity);
 
  private:
   static void OnRunning(avr_irq_t* irq, uint32_t running, void* self);
