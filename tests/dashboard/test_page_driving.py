@@ -38,7 +38,7 @@ def test_goal_by_dragging(page: Page, robot: FakeRobot) -> None:
     # The page guards its goal. One that was just closed may send a last heartbeat, too.
     until(lambda: query.source in {heartbeat.source for heartbeat in robot.received_of(Heartbeat)})
     expect(page.locator("[data-field=mode]")).to_have_text("driving")
-    page.click("text=Cancel goal")
+    page.get_by_role("button", name="Cancel", exact=True).click()
     until(lambda: [query.content for query in queries_of(robot, "command")] == [{"command": "cancel"}])
 
 

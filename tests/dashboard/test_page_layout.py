@@ -30,6 +30,17 @@ def test_header_fits_on_a_phone_with_its_longest_state(page: Page, robot: FakeRo
     assert page.locator(".tp-header").evaluate("head => head.scrollWidth <= head.clientWidth")
 
 
+def test_buttons_and_chart_keys_take_one_line(page: Page) -> None:
+    tops_px = "all => all.map((one) => Math.round(one.getBoundingClientRect().top))"
+    for width_px in (1440, 1024):
+        page.set_viewport_size({"width": width_px, "height": 900})
+        buttons = page.locator(".tp-buttons > button:visible")
+        assert buttons.count() == 5
+        assert len(set(buttons.evaluate_all(tops_px))) == 1, width_px
+        for head in page.locator(".tp-charthead").all():
+            assert len(set(head.locator("span").evaluate_all(tops_px))) == 1, width_px
+
+
 def test_low_screen_shows_everything(page: Page, robot: FakeRobot) -> None:
     page.set_viewport_size({"width": 1024, "height": 600})
     page.reload()

@@ -27,7 +27,7 @@ READOUTS = (
     ("lidar_scans", "Scans", "scans since the start"),
     ("lidar_errors", "Scan errors", "lidar replies with a wrong checksum"),
     ("lidar_restarts", "Lidar restarts", "how often the lidar was restarted"),
-    ("counts", "Encoders", "counts, left and right"),
+    ("counts", "Encoders", "counts since the board's reset"),
     ("rtt", "Page to server", "round-trip time of this page's heartbeat"),
     ("pages", "Open pages", "pages connected now"),
     ("operator", "Operator", "page that controls the robot, which stops if its heartbeats end"),
@@ -169,7 +169,7 @@ def _drive_panel() -> None:
         _command_button("Arm", {"kind": "command", "name": "arm"}, "tp-go tp-arm")
         _command_button("Disarm", {"kind": "command", "name": "disarm"}, "tp-plain tp-disarm")
         _command_button("Explore", {"kind": "command", "name": "explore"}, "tp-plain")
-        _command_button("Cancel goal", {"kind": "command", "name": "cancel"}, "tp-plain")
+        _command_button("Cancel", {"kind": "command", "name": "cancel"}, "tp-plain")
         _command_button("Save map", {"kind": "command", "name": "save_map"}, "tp-plain")
     with box("tp-other-operator"):
         ui.html("<p>Another page controls the robot.</p>", sanitize=False)

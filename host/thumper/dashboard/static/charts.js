@@ -20,8 +20,8 @@ const PWM = { names: ["PWM", "integral"], colours: ["pwm", "integral"], minTop: 
 const PLOTS = [
   { title: "Left · rad/s", columns: [1, 2], ...SPEED },
   { title: "Right · rad/s", columns: [6, 7], ...SPEED },
-  { title: "Left · PWM (max 255)", columns: [3, 4], ...PWM },
-  { title: "Right · PWM (max 255)", columns: [8, 9], ...PWM },
+  { title: "Left · PWM of 255", columns: [3, 4], ...PWM },
+  { title: "Right · PWM of 255", columns: [8, 9], ...PWM },
 ];
 
 // A quarter of the height: uPlot's increments are 1, 2, 2.5 and 5, so every y axis has at least two labels.
