@@ -194,7 +194,9 @@ def main() -> int:
     parser.add_argument("--visits", type=int, default=1, help="how often at each address, in each phase")
     parser.add_argument("--only", nargs="+", default=[i.name for i in Interrupt], help="interrupts")
     parser.add_argument("--elf", type=Path, default=ELF, help="another image")
-    parser.add_argument("--phases", nargs="+", choices=PHASES, default=list(PHASES))
+    parser.add_argument(
+        "--phases", nargs="+", choices=PHASES, default=list(PHASES), metavar="PHASE", help="see phases.py"
+    )
     arguments = parser.parse_args()
     failed = False
     every = main_loop_addresses(arguments.elf)
