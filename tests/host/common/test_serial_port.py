@@ -108,7 +108,7 @@ def test_no_driver_starts_on_an_unplugged_port(
 
 
 def test_a_board_unplugged_while_it_runs(terminal: PseudoTerminal) -> None:
-    identity = SCHEMA_HASH.to_bytes(4, "little") + bytes((0, 2, 0, 1, 10, 1)) + bytes(11)
+    identity = SCHEMA_HASH.to_bytes(4, "little") + bytes((0, 2, 0, 1, 10, 1)) + bytes(19)
     terminal.send(encode_frame(Identity.ID, 0, identity))
     board = Board(terminal.port)
     terminal.unplug()
