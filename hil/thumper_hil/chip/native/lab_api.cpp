@@ -52,10 +52,11 @@ void thumper_probe_close(Probe* probe) { delete probe; }
 /// See PreemptionSweep::Run.
 int thumper_sweep(Chip* chip, const thumper::WatchedMemory* watched, uint64_t until_cycle, int vector,
                   char port, int bit, const uint8_t* frame, size_t frame_size, uint64_t tail_cycles,
-                  int stride, int per_address, const uint8_t* skip, thumper::Branch* branches, size_t capacity) {
+                  int stride, int per_address, const uint8_t* skip, thumper::Branch* branches,
+                  size_t capacity) {
   return thumper::PreemptionSweep(*chip, *watched)
-      .Run(until_cycle, vector, port, bit, frame, frame_size, tail_cycles, stride, per_address, skip, branches,
-           capacity);
+      .Run(until_cycle, vector, port, bit, frame, frame_size, tail_cycles, stride, per_address, skip,
+           branches, capacity);
 }
 
 }  // extern "C"

@@ -180,7 +180,8 @@ int PreemptionSweep::Run(uint64_t until_cycle, int vector, char port, int bit, c
   while (avr_->cycle < until_cycle && count < capacity) {
     const bool in_main_loop = depth_ == 0 && avr_->state == cpu_Running;
     const bool line_is_free = vector != kReceiveVector || chip_.uart().idle();
-    const bool wanted = per_address == 0 || (line_is_free && visits[avr_->pc] < per_address && skip[avr_->pc] == 0);
+    const bool wanted =
+        per_address == 0 || (line_is_free && visits[avr_->pc] < per_address && skip[avr_->pc] == 0);
     if (in_main_loop && wanted && CanForce(vector) && instruction++ % stride == 0) {
       ++visits[avr_->pc];
       *shared = {};
