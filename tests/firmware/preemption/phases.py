@@ -346,35 +346,25 @@ PHASES: dict[str, Phase] = {
         faults=(Fault.NONE, Fault.IMPACT),
         edges=False,
     ),
-    "gyroscope absent": Phase(
-        before=after(0.0, lambda chip: chip.power_gyroscope(on=False)),
-        window_s=0.25,
-        faults=SILENT,
-        gyroscope=False,
-    ),
-    "gyroscope returns": Phase(
-        before=after(
-            0.0,
-            lambda chip: chip.power_gyroscope(on=False),
-            lambda chip: run_for(chip, 0.1),
-            lambda chip: chip.power_gyroscope(on=True),
-        ),
-        window_s=0.25,
-        faults=SILENT,
-        gyroscope=False,
-    ),
-    "gyroscope frozen": Phase(
-        before=after(0.0, lambda chip: chip.freeze_gyroscope(frozen=True)),
-        window_s=0.2,
-        faults=SILENT,
-        gyroscope=False,
-    ),
-    "gyroscope holds SDA": Phase(
-        before=after(0.0, lambda chip: chip.hold_twi_data(pulses=-1)),
-        window_s=0.25,
-        faults=SILENT,
-        gyroscope=False,
-    ),
+    **{
+        f"gyroscope {name}": Phase(
+            before=after(0.0, *actions), window_s=window_s, faults=SILENT, gyroscope=False
+        )
+        for name, window_s, actions in (
+            ("absent", 0.25, (lambda chip: chip.power_gyroscope(on=False),)),
+            (
+                "returns",
+                0.25,
+                (
+                    lambda chip: chip.power_gyroscope(on=False),
+                    lambda chip: run_for(chip, 0.1),
+                    lambda chip: chip.power_gyroscope(on=True),
+                ),
+            ),
+            ("frozen", 0.2, (lambda chip: chip.freeze_gyroscope(frozen=True),)),
+            ("holds SDA", 0.25, (lambda chip: chip.hold_twi_data(pulses=-1),)),
+        )
+    },
     "gyroscope's bias": Phase(before=after(0.4), drives=False, window_s=0.7),
     "load a saved set": Phase(
         requests=(command(Command.LOAD),),
