@@ -66,7 +66,7 @@ def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: b
     if (board or config) and os.path.realpath(settings.board.port) == os.path.realpath(settings.lidar.port):
         fix = f"{settings.lidar.port} is also the board's port; give each device its own"
         lidar_checks = iter([Check(verdict="fail", what="lidar", fix=fix)])
-    elif lidar or config:
+    elif lidar or config or settings.lidar.port.startswith("sim:"):  # the board `sim://` brings its lidar
         lidar_checks = check_lidar(settings.lidar, seconds=seconds)
     sensor_checks = chain(lidar_checks, check_sensors(settings, seconds=seconds))
     if board or config:

@@ -39,6 +39,12 @@ def test_a_healthy_robot_passes() -> None:
         assert line(checks, f"{side} motor forward")["verdict"] == "pass"
 
 
+def test_the_shortest_simulated_robot_has_its_lidar_checked() -> None:
+    code, checks = diagnose("--board", "sim://")
+    assert code == 0
+    assert line(checks, "scans", "Hz")["verdict"] == "pass"
+
+
 def test_open_ground_is_no_defect_and_the_doctor_says_what_it_means() -> None:
     code, checks = diagnose("--board", "sim://d5/board?world=yard&y_m=-8", "--lidar", "sim://d5/lidar")
     assert code == 0
