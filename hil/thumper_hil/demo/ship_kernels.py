@@ -1,42 +1,58 @@
 """Compile all kernels into their packages: `THUMPER_SHIP_KERNELS=1 python -m thumper_hil.demo.ship_kernels`.
 
-`make` and the wheel's build run it. It warms up every mapper, planner and controller, and drives the demo's
-missions for the kernels of the simulator. What is there and fits its sources is loaded, not compiled.
+`make` and the wheel's build run it, in two processes. It warms up every mapper, planner and controller, and
+drives the demo's missions for the kernels of the simulator. What is there and fits its sources is loaded.
 """
 
 import os
 import signal
 import sys
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from multiprocessing import get_context
 from typing import get_args
 
 from rich.console import Console
 
 from thumper.cli.output.compile_progress import compile_progress
+from thumper.common.geometry import Pose2
 from thumper.common.numba_kernel import SHIP_VARIABLE
 from thumper.config.robot import RobotConfig
 from thumper.navigation.registry import CONTROLLERS, PLANNERS
 from thumper.navigation.warm_up import warm_up as warm_up_navigation
-from thumper.runtime.assembly import warm_up
+from thumper.runtime.assembly import robot_mapper, warm_up
 from thumper.slam.factory import Method
 from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.run import drive_mission
+
+
+def compile_mappers() -> int:
+    """Compile what is missing of the mappers; return how many kernels that were."""
+    config = RobotConfig()
+    with compile_progress(Console(quiet=True)) as progress:
+        for method in get_args(Method):
+            robot_mapper(replace(config, mapping=replace(config.mapping, method=method)), Pose2()).warm_up()
+    return progress.count
 
 
 def ship_kernels(console: Console) -> int:
     """Compile what is missing; return how many kernels that were."""
     config = RobotConfig()
     options = config.navigation
-    with compile_progress(console) as progress:
-        for method in get_args(Method):
-            warm_up(replace(config, mapping=replace(config.mapping, method=method)))
+    with (
+        ProcessPoolExecutor(1, mp_context=get_context("spawn")) as second_process,
+        compile_progress(console) as progress,
+    ):
+        mappers = second_process.submit(compile_mappers)
         for planner in PLANNERS:
             warm_up_navigation(replace(options, planner=planner), config.footprint)
         for controller in CONTROLLERS:
             warm_up_navigation(replace(options, controller=controller, tracker=""), config.footprint)
+        compiled = mappers.result()
+        warm_up(config)
         for mission in MISSIONS:
             drive_mission(mission, seed=0, realtime=False, console=Console(quiet=True))
-    return progress.count
+    return progress.count + compiled
 
 
 if __name__ == "__main__":

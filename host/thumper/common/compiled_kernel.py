@@ -2,8 +2,8 @@
 
 import os
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
@@ -114,9 +114,26 @@ class KernelCache(FunctionCache):
         """Write the compiled function, if there is room."""
         self._cache_file = self._written
         with suppress(OSError):
-            if self._is_shipping:
-                Path(self._cache_file._cache_path).mkdir(parents=True, exist_ok=True)
-            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+            if not self._is_shipping:
+                super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+                return
+            folder = Path(self._cache_file._cache_path)
+            folder.mkdir(parents=True, exist_ok=True)
+            with _only_writer(folder):
+                super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+
+
+@contextmanager
+def _only_writer(folder: Path) -> Iterator[None]:
+    """Wait for other writers: each writes an index of all that it knows, which would lose what they added."""
+    import fcntl  # kernels are shipped on Linux only
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
