@@ -1,11 +1,12 @@
 # Two commands matter: `make demo` (see the robot drive) and `make test`. Both install what is missing.
-.PHONY: help demo test coverage lint format firmware chip protocol reference docs wheel wheel-aarch64 sdist bench bench-peers results soak mutation clean
+.PHONY: help demo test test-all coverage lint format firmware chip protocol reference docs wheel wheel-aarch64 sdist bench bench-peers results soak mutation clean
 
 # Where this is set, each of some thousand short processes of the tests would compile all modules again.
 unexport PYTHONDONTWRITEBYTECODE
 
 PYTHON ?=
 HOURS ?= 2
+SELECTED = not slow
 VENV := .venv
 # The versions of Python's packages: those of constraints.txt; `make CONSTRAINTS= ...` takes the newest.
 CONSTRAINTS := constraints.txt
@@ -16,7 +17,8 @@ TEST_PACKAGES := clang-format clang clang-tidy llvm libclang-rt-dev simavr ardui
 
 help:
 	@echo "make demo      install what is missing, build, and drive the two missions in simulation (results in out/)"
-	@echo "make test      install what is missing, build, and run every test"
+	@echo "make test      install what is missing, build, and run the tests"
+	@echo "make test-all  the same with the slow tests, which repeat what others check (five minutes more)"
 	@echo "make lint      ruff, mypy --strict, house words, clang-format, clang-tidy on the firmware's core"
 	@echo "make coverage  what the tests run: all lines and conditions of the firmware's core, 90 % of Python's lines"
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
@@ -35,7 +37,10 @@ demo: firmware chip $(VENV)/.kernels
 	@$(BIN)/thumper demo
 
 test: firmware chip $(VENV)/.dev $(VENV)/.kernels
-	@$(BIN)/python -m pytest -n auto --dist worksteal --ignore tests/firmware/second_simulator
+	@$(BIN)/python -m pytest -n auto --dist worksteal -m "$(SELECTED)" --ignore tests/firmware/second_simulator
+
+test-all: SELECTED =
+test-all: test
 
 # Numba's kernels run as machine code, where nothing is counted: they are left out of Python's figure.
 coverage: firmware chip $(VENV)/.dev

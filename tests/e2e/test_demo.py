@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from rich.console import Console
 
 from thumper.maps.map_server_io import load_map
@@ -48,9 +49,12 @@ def test_demo_reaches_both_goals_and_writes_its_results(thumper: Run, tmp_path: 
     assert "thesis" in (tmp_path / "table.md").read_text()
     assert str(tmp_path) in output.replace("\n", "")
 
-    again, _ = run_demo(thumper, tmp_path / "again")
-    del summary["sim_speed_x_real_time"], again["sim_speed_x_real_time"]
-    assert summary == again
+
+@pytest.mark.slow
+def test_a_demo_repeats(thumper: Run, tmp_path: Path) -> None:
+    first, second = (run_demo(thumper, tmp_path / name)[0] for name in ("first", "second"))
+    del first["sim_speed_x_real_time"], second["sim_speed_x_real_time"]
+    assert first == second
 
 
 def run_demo(thumper: Run, folder: Path) -> tuple[dict[str, Any], str]:
@@ -60,6 +64,7 @@ def run_demo(thumper: Run, folder: Path) -> tuple[dict[str, Any], str]:
     return json.loads((folder / "summary.json").read_text()), done.stdout
 
 
+@pytest.mark.slow
 def test_the_next_steps_of_the_demo_work(tmp_path: Path) -> None:
     output = io.StringIO()
     print_next_steps(Console(file=output))

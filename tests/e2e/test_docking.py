@@ -67,7 +67,7 @@ def test_docks_and_undocks_with_the_motors_off_afterwards() -> None:
 
 
 def test_a_cancelled_approach_is_not_tried_again() -> None:
-    with robot("cancelled-dock") as service:
+    with robot("cancelled-dock", staging_m=0.6) as service:
         service.put(RobotCommand(name="dock"))
         service.until(lambda: place(service).x_m > -0.5, max_cycles=600)
         service.put(RobotCommand(name="cancel"))
@@ -125,7 +125,7 @@ def test_a_robot_that_no_longer_sees_its_dock_gives_up() -> None:
 
 
 def test_without_a_charger_at_the_contacts_it_is_not_docked() -> None:
-    with robot("dead-charger", retries=0, charger_V=0.3) as service:
+    with robot("dead-charger", retries=0, staging_m=0.4, charger_V=0.3) as service:
         for tries in range(1, 4):  # one approach may end a little beside the dock
             service.put(RobotCommand(name="dock"))
             service.until(lambda n=tries: told(service, "not docked: ") == n, max_cycles=1500)  # type: ignore[misc]
@@ -135,7 +135,7 @@ def test_without_a_charger_at_the_contacts_it_is_not_docked() -> None:
 
 
 def test_a_charger_at_the_contacts_is_found_by_the_voltage() -> None:
-    with robot("live-charger", charger_V=0.3) as service:
+    with robot("live-charger", staging_m=0.4, charger_V=0.3) as service:
         service.put(RobotCommand(name="dock"))
         was_there = False
         for _ in range(2500):

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import replace
+from itertools import product
 from types import SimpleNamespace
 
 import pytest
@@ -31,6 +32,19 @@ ORDERS = {
     "lidar again while it is away": ("lidar-", "lidar+", "lidar-", "lidar+"),
     "board again while it is away": ("board-", "lidar-", "board+", "board-", "lidar+", "board+"),
 }
+MODELS = ("urg04lx", "ld19", "rplidar_a2")
+# Each model with each sequence, half of them driving and half at rest; the other halves are slow.
+CASES = [
+    pytest.param(
+        model,
+        order,
+        is_driving,
+        id=f"{model}, {name}, {'driving' if is_driving else 'at rest'}",
+        marks=[pytest.mark.slow] if (number + is_driving) % 2 else [],
+    )
+    for number, (model, (name, order)) in enumerate(product(MODELS, ORDERS.items()))
+    for is_driving in (False, True)
+]
 
 
 @pytest.fixture
@@ -72,9 +86,7 @@ def is_back(service: Service) -> bool:
     return state is not None and is_telling and state.scan_age_s < 0.35
 
 
-@pytest.mark.parametrize("model", ["urg04lx", "ld19", "rplidar_a2"])
-@pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
-@pytest.mark.parametrize("is_driving", [False, True], ids=["at rest", "driving"])
+@pytest.mark.parametrize(("model", "order", "is_driving"), CASES)
 def test_ports_come_and_go(
     pluggable: Callable[[str], Service], model: str, order: tuple[str, ...], is_driving: bool
 ) -> None:
@@ -110,7 +122,7 @@ def armed_without_lidar(service: Service) -> None:
     service.bench.fault("lidar", "ok")
 
 
-@pytest.mark.parametrize("model", ["urg04lx", "ld19", "rplidar_a2"])
+@pytest.mark.parametrize("model", MODELS)
 def test_the_lidar_of_an_armed_robot_comes_back(pluggable: Callable[[str], Service], model: str) -> None:
     service = pluggable(model)
     armed_without_lidar(service)

@@ -95,6 +95,7 @@ def test_each_guard_of_the_core_is_removed(guard: str) -> None:
     assert any(guard in mutant.old for mutant in core_mutants())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("part", "number"), [("core", 3), ("board", 2)])
 def test_a_sample_of_mutants_is_noticed_unless_listed(part: str, number: int) -> None:
     """The tests that notice them must also pass without a change. Runs in its own process, so that no test

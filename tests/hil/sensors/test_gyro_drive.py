@@ -65,7 +65,7 @@ def headings(name: str, model: ImuModel, seed: int) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("model", ["bno08x", "mpu6050"])
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_the_heading_holds_for_two_minutes_with_an_uncalibrated_track(model: ImuModel, seed: int) -> None:
     fused_rad, wheels_rad = headings(f"gyro-{model}-{seed}", model, seed)
     print(f"{model}, seed {seed}: {fused_rad:.3f} rad, wheels alone {wheels_rad:.2f} rad")

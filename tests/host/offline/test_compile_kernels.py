@@ -81,6 +81,7 @@ def installation(tmp_path: Path) -> Installation:
     return Installation(tmp_path)
 
 
+@pytest.mark.slow
 def test_kernels_come_from_disk_after_they_were_compiled_in_subprocesses(installation: Installation) -> None:
     installation.compile()
     assert 2 <= installation.starts <= 12  # it reached its memory limit and continued in a new process
