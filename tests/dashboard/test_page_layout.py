@@ -110,6 +110,18 @@ def test_phone_shows_map_and_joystick_together(page: Page) -> None:
         assert stick["y"] + stick["height"] <= stop["y"]
 
 
+def test_the_mouse_position_covers_no_tool_on_a_phone(page: Page) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.hover(".tp-map canvas")
+    expect(page.locator(".tp-cursor")).to_have_text(re.compile(r"x .* m"))
+    tools, position = (
+        page.locator(f".tp-map {part}").bounding_box() for part in (".tp-toolbar", ".tp-cursor")
+    )
+    assert tools is not None
+    assert position is not None
+    assert tools["y"] + tools["height"] <= position["y"]
+
+
 def test_phone_layout_shows_everything(page: Page, robot: FakeRobot) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
     robot.goal = Pose2(x_m=1.0, y_m=1.0)
