@@ -89,11 +89,16 @@ class BusServer:
         self._enqueue(lambda: self._send(topic, message))
 
     def close(self) -> None:
-        """Send what is queued and close the session."""
+        """Send what is queued and close the session; a second `close` does nothing."""
         with self._wake:
+            if not self._open:
+                return
             self._open = False
             self._wake.notify()
         self._thread.join(2.0)
+        # Before the session: Zenoh never frees what is undeclared after it.
+        for declared in (self._presence, *self._publishers.values()):
+            declared.undeclare()  # type: ignore[no-untyped-call]
         self._session.close()  # type: ignore[no-untyped-call]
 
     def _enqueue(self, job: Callable[[], None]) -> None:
