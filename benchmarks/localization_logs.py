@@ -2,7 +2,7 @@
 
 Run: python benchmarks/localization_logs.py [LOG ...] [--starts N]
 
-Without logs: Intel and MINES of $THUMPER_DATA (default ../shared/data). The true poses are those of `graph`
+Without logs: Intel and MINES of $THUMPER_DATA (default ../shared/data). The true poses are those of `slam`
 on the whole log, and the map is built at them. There are N starts in each half: *inside* if the robot's cell
 is free in the map, *outside* if not. As many starts use the map of the next log, where every pose is wrong.
 Each runs for 100 scans. A pose is right within 0.5 m and 0.3 rad, lost if the localizer reports it as lost,
@@ -36,7 +36,7 @@ DATA = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" 
 LOGS = (DATA / "intel-lab.clf.gz", DATA / "mines-exp1.dat.gz")
 SCANS, CHECKED_AFTER = 100, (1, 10, 50, 100)
 NEAR_M, NEAR_RAD = 0.5, 0.3
-OPTIONS = MappingOptions(method="graph")
+OPTIONS = MappingOptions()
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ the drives, and the second halves of Intel, MINES exp1 and exp2 in the maps of t
 (default ../shared/data). A scan counts as inside if the robot's cell is free in the map. After a way outside
 the robot must find itself again.
 
-The true poses are those of `graph` on the whole log. Those of exp2 are joined to exp1's map by the median of
+The true poses are those of `slam` on the whole log. Those of exp2 are joined to exp1's map by the median of
 all tracked poses, so the figures of that drive hold only if most of it is tracked right.
 """
 

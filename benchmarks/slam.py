@@ -1,6 +1,6 @@
 """SLAM on recorded logs: CPU time per scan and error of relative poses, next to other programs.
 
-Run: python benchmarks/slam.py [--data FOLDER] [--method graph|rbpf|scan_match] [--seeds N]
+Run: python benchmarks/slam.py [--data FOLDER] [--method slam|scan_match|rbpf] [--seeds N]
 
 The logs are in the folder's subfolder `slam`; the default folder is THUMPER_DATA or ../shared/data.
 """
@@ -140,7 +140,7 @@ def main() -> None:
     default = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data"))
     parser = argparse.ArgumentParser(description="SLAM benchmark on recorded logs")
     parser.add_argument("--data", type=Path, default=default, help="folder that contains slam/")
-    parser.add_argument("--method", choices=("graph", "rbpf", "scan_match"), default="graph")
+    parser.add_argument("--method", choices=("slam", "scan_match", "rbpf"), default="slam")
     parser.add_argument("--seeds", type=int, default=1, help="run the particle filter with seeds 1 to N")
     arguments = parser.parse_args()
     folder, method = arguments.data / "slam", arguments.method

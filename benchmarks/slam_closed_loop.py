@@ -1,6 +1,7 @@
 """SLAM in closed loop: a simulated robot drives tours with its own map; pose and wall errors.
 
-Run: python benchmarks/slam_closed_loop.py [--seeds N] [--place NAME ...] [--track M] [--slip SHARE]
+Run: python benchmarks/slam_closed_loop.py [--seeds N] [--place NAME ...] [--method METHOD] [--track M]
+                                           [--slip SHARE]
 
 The whole host software drives the firmware on the simulated chip. The wheels differ from the configured
 geometry, and they slip and drift. The odometry error is that of experiment 1 of the thesis: like the thesis
@@ -103,19 +104,20 @@ def dead_reckoning(truth: FloatArray, track_m: float, start: Pose2) -> FloatArra
     return np.column_stack((truth[:, 0], x_m, y_m))
 
 
-def run(place: str, seed: int, track_m: float, slip: float, folder: Path) -> str:
+def run(place: str, seed: int, arguments: argparse.Namespace, folder: Path) -> str:
     """Drive a tour; return a line of figures."""
     walls, tour = PLACES[place]
     path, config = folder / f"{place}.toml", folder / "robot.toml"
     path.write_text(world_toml(walls))
-    config.write_text(f"[drive]\ntrack_m = {track_m}\n")
+    track_m, method = arguments.track, arguments.method
+    config.write_text(f'[drive]\ntrack_m = {track_m}\n[mapping]\nmethod = "{method}"\n')
     name, start = f"{place}{seed}", Pose2(x_m=tour[0][0], y_m=tour[0][1])
     board = f"sim://{name}/board?world={path}&x_m={start.x_m}&y_m={start.y_m}&seed={seed}"
     with Robot(board, lidar=f"sim://{name}/lidar", config=config, start=start) as robot:
         bench = simulation(name)
         results = []
         for leg, (x_m, y_m) in enumerate(tour[1:], start=1):
-            bench.fault("slip.left", slip if leg == 2 else 0.0)
+            bench.fault("slip.left", arguments.slip if leg == 2 else 0.0)
             results.append(robot.goto(x_m, y_m, tolerance_m=0.15))
         error_m = pose_errors(robot.log.poses, bench.truth())
         odometry_m = pose_errors(dead_reckoning(bench.truth(), track_m, start), bench.truth())
@@ -126,9 +128,8 @@ def run(place: str, seed: int, track_m: float, slip: float, folder: Path) -> str
     failed = "".join(f" | {result.reason}" for result in results if not result.reached)
     errors = f"{math.sqrt(float((error_m**2).mean())):.3f} / {error_m.max():.3f}"
     odometry = f"{math.sqrt(float((odometry_m**2).mean())):.2f} / {odometry_m.max():.2f}"
-    figure(
-        f"driving {place}, seed {seed}: pose error, rms / worst", errors, "m", peers=f"odometry {odometry}"
-    )
+    what = f"{method} driving {place}, seed {seed}: pose error, rms / worst"
+    figure(what, errors, "m", peers=f"odometry {odometry}")
     return (
         f"{place} | {seed} | {len(results) - failed.count('|')} of {len(results)} | {length_m:.1f} | "
         f"{errors} | {iou:.2f} | {offset_m:.3f} | {odometry} | {sides}{failed}"
@@ -140,6 +141,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="SLAM in closed loop")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--place", nargs="+", default=list(PLACES), choices=list(PLACES))
+    parser.add_argument("--method", default="slam", choices=("slam", "scan_match", "rbpf"))
     parser.add_argument(
         "--track",
         type=float,
@@ -156,7 +158,7 @@ def main() -> None:
     )
     with tempfile.TemporaryDirectory() as folder:
         for place, seed in itertools.product(arguments.place, range(1, arguments.seeds + 1)):
-            print(run(place, seed, arguments.track, arguments.slip, Path(folder)), flush=True)
+            print(run(place, seed, arguments, Path(folder)), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Map synthetic logs of many lidars: 4, 30 and 80 m, 180 to 360 degrees, each mapper at its defaults.
 
-Run: python benchmarks/slam_lidars.py [--seeds N] [--method graph|rbpf|scan_match ...] [--range M ...]
+Run: python benchmarks/slam_lidars.py [--seeds N] [--method slam|scan_match|rbpf ...] [--range M ...]
 
 Each drive is written as a CARMEN log, read back and mapped as `thumper map-log` does, in a place that fits
 the lidar. The odometry error is that of experiment 1 of the thesis: it uses a track of 0.245 m while the
@@ -180,7 +180,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--range", nargs="+", type=float, default=list(PLACES), choices=list(PLACES))
     parser.add_argument("--fov", nargs="+", type=int, default=list(BEAMS), choices=list(BEAMS))
-    methods = ("graph", "rbpf", "scan_match")
+    methods = ("slam", "scan_match", "rbpf")
     parser.add_argument("--method", nargs="+", default=methods, choices=methods)
     arguments = parser.parse_args()
     for range_m in arguments.range:

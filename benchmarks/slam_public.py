@@ -159,8 +159,8 @@ def main() -> None:
     data = Path(os.environ.get("THUMPER_DATA", Path(__file__).parents[2] / "shared" / "data"))
     folder_help = "folder with the fetched files"
     parser.add_argument("folder", nargs="?", type=Path, default=data / "slam" / "public", help=folder_help)
-    methods = ("graph", "rbpf", "scan_match")
-    parser.add_argument("--method", nargs="+", default=["graph", "scan_match"], choices=methods)
+    methods = ("slam", "scan_match", "rbpf")
+    parser.add_argument("--method", nargs="+", default=["slam", "scan_match"], choices=methods)
     parser.add_argument("--log", nargs="+", default=list(LOGS), choices=LOGS)
     parser.add_argument("--seed", type=int, default=1, help="of the errors of the odometry")
     arguments = parser.parse_args()

@@ -1,6 +1,6 @@
 """SLAM against ground truth in simulated places that were not used for tuning: pose error, wall error.
 
-Run: python benchmarks/slam_truth.py [--seeds N] [--method graph|rbpf|scan_match ...] [--place NAME ...]
+Run: python benchmarks/slam_truth.py [--seeds N] [--method slam|scan_match|rbpf ...] [--place NAME ...]
 
 Lidars of 4 to 80 m and 180 to 360 degrees. The odometry is 3 % too long, with drift and noise. In some places
 the wheels spin on the spot.
@@ -238,7 +238,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="SLAM against ground truth")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument(
-        "--method", nargs="+", default=["scan_match", "graph"], choices=("graph", "rbpf", "scan_match")
+        "--method", nargs="+", default=["slam", "scan_match"], choices=("slam", "scan_match", "rbpf")
     )
     parser.add_argument("--place", nargs="+", default=list(PLACES), choices=list(PLACES))
     arguments = parser.parse_args()

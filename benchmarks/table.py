@@ -32,7 +32,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "slip": ("--drives 20 --hours 0.2",),
     "gyroscope": ("",),
     "tuning": ("",),
-    "slam": ("--method scan_match", "--method graph", "--method rbpf"),
+    "slam": ("--method scan_match", "--method slam", "--method rbpf"),
     "warm_up": ("",),
     "slam_public": ("",),
     "slam_kidnapping": ("",),

@@ -1,6 +1,6 @@
 """Measure what a mapper's kernels cost before the first scan: compiled, and loaded from the cache.
 
-Run: python benchmarks/warm_up.py [--method graph|rbpf|scan_match ...]
+Run: python benchmarks/warm_up.py [--method slam|scan_match|rbpf ...]
 
 The figures are the CPU time and the peak memory of a process. `thumper map-log` compiles in subprocesses, one
 after the other, and their start-up time counts. A robot compiles in its own process; there only the warm-up
@@ -21,7 +21,7 @@ from benchmarks.figure import figure
 
 # The package's kernels are for another processor, by name, so that these runs compile.
 COMPILING = {"NUMBA_CPU_NAME": llvm.get_host_cpu_name()}
-METHODS = ("scan_match", "graph", "rbpf")
+METHODS = ("slam", "scan_match", "rbpf")
 
 APART = """
 import resource, sys

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from thumper.common.geometry import Pose2
     from thumper.offline.map_log import MapLogSummary
 
-Method = Literal["graph", "rbpf", "scan_match"]
+Method = Literal["slam", "scan_match", "rbpf", "graph"]
 # The values of `thumper.slam.mounting.MountFinding`, which loads the mappers.
 Mount = Literal[
     "as-is",
@@ -47,12 +47,12 @@ def map_log(
         ),
     ] = False,
     method: Annotated[
-        Method | None,
+        Method,
         typer.Option(
-            help="Mapper: pose graph, particle filter or scan matching alone. Default: graph, or scan_match "
-            "with --session."
+            help="Mapper: scan matching with loop closure, scan matching alone, or particle filter. graph is "
+            "the earlier name of slam."
         ),
-    ] = None,
+    ] = "slam",
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the particle filter.")] = 1,
     fov: Annotated[
         float | None,
@@ -91,18 +91,17 @@ def map_log(
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.offline.map_log import LogReading
     from thumper.offline.map_log import map_log as build
-    from thumper.slam.factory import MappingOptions
+    from thumper.slam.factory import MappingOptions, method_named
     from thumper.slam.mounting import MountFinding
     from thumper.slam.particle_filter.options import RbpfOptions
     from thumper.slam.saved_state import load_session
 
-    if session is not None and method not in (None, "scan_match"):
+    if session is not None and method == "rbpf":
         raise ThumperError(
-            f"only scan_match can continue a --session, not {method}; leave out --method",
-            exit_code=EXIT_USAGE,
+            "rbpf cannot continue a --session, only scan_match can; leave out --method", exit_code=EXIT_USAGE
         )
     start_pose = _start_pose(start, session)
-    options = MappingOptions(method="graph" if method is None else method, filter=RbpfOptions(seed=seed))
+    options = MappingOptions(method=method_named(method), filter=RbpfOptions(seed=seed))
     known = load_session(session, options.resolution_m) if session else None
     prepare_output(out)
     console = Console()

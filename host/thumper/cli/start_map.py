@@ -38,8 +38,6 @@ def load_start_map(
     if pose := known.map_from_base:
         place = f"{place_text(pose.x_m, pose.y_m)} m, heading {math.degrees(pose.theta_rad):z.0f} degrees"
         print(f"{session}: saved with the robot at {place}")
-    if settings.mapping.method != "scan_match":
-        print(
-            f"note: scan_match resumes this session; {settings.mapping.method} would start with an empty map"
-        )
+    if settings.mapping.method == "rbpf":
+        print("note: scan_match resumes this session; rbpf would start with an empty map")
     return known

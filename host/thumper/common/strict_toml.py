@@ -19,6 +19,19 @@ STATED = "stated"
 """Field of an options class for the keys that the file sets; no key itself."""
 
 
+Renamed = Mapping[tuple[str, str], Mapping[str, str]]
+"""By table and key: the values of earlier versions, and their names today."""
+
+
+def with_new_names(data: dict[str, Any], renamed: Renamed) -> dict[str, Any]:
+    """Return the tables with the values of earlier versions under their names today."""
+    for (table, key), values in renamed.items():
+        options = data.get(table)
+        if isinstance(options, dict) and isinstance(old := options.get(key), str) and old in values:
+            data = {**data, table: {**options, key: values[old]}}
+    return data
+
+
 def read_checked(
     path: Path,
     adapter: TypeAdapter[T],
@@ -26,10 +39,12 @@ def read_checked(
     what: str,
     *,
     removed: Mapping[str, str] = MappingProxyType({}),
+    renamed: Renamed = MappingProxyType({}),
 ) -> T:
     """Read the TOML file at `path` into the dataclass `options_type`; errors call the file a `what`.
 
     `removed` maps a key or table of earlier versions, with its full path, to what the error says about it.
+    `renamed` is that of `with_new_names`.
 
     Raises
     ------
@@ -47,7 +62,7 @@ def read_checked(
     _check_keys(data, options_type, path, "", removed)
     try:
         # Through JSON, because strict mode accepts a table for a dataclass only there.
-        return adapter.validate_json(json.dumps(data, default=str), strict=True)
+        return adapter.validate_json(json.dumps(with_new_names(data, renamed), default=str), strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = ".".join(str(part) for part in first["loc"])

@@ -1,5 +1,6 @@
 """Read the robot's TOML and check every key, type and range. Unknown keys are errors."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from thumper.camera.dock_options import DockOptions
 from thumper.camera.options import CameraOptions
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.kinematics import DriveGeometry
-from thumper.common.strict_toml import read_checked
+from thumper.common.strict_toml import Renamed, read_checked, with_new_names
 from thumper.config.bus import ROBOT_NAME_PATTERN, BusOptions
 from thumper.config.dashboard import DashboardOptions
 from thumper.config.manual_drive import ManualDriveOptions
@@ -29,7 +30,7 @@ from thumper.lidar.options import LidarOptions
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.registry import check_names
-from thumper.slam.factory import MappingOptions
+from thumper.slam.factory import OLD_METHODS, MappingOptions
 from thumper.slam.localization.options import AmclOptions
 
 SENSOR_TABLES = ("imu", "gps", "camera")  # of the sensors that have a port of their own, beside the lidar
@@ -164,6 +165,9 @@ REMOVED_KEYS: Mapping[str, str] = MappingProxyType(
     }
 )
 
+# Values of earlier versions that still work.
+RENAMED: Renamed = MappingProxyType({("mapping", "method"): OLD_METHODS})
+
 _ADAPTER = TypeAdapter(RobotConfig)
 
 
@@ -177,7 +181,7 @@ def load_config(path: Path | None) -> RobotConfig:
     """
     if path is None:
         return RobotConfig()
-    config = read_checked(path, _ADAPTER, RobotConfig, "configuration", removed=REMOVED_KEYS)
+    config = read_checked(path, _ADAPTER, RobotConfig, "configuration", removed=REMOVED_KEYS, renamed=RENAMED)
     try:
         check_names(config.navigation)
     except ThumperError as error:
@@ -202,7 +206,10 @@ def config_to_json(config: RobotConfig) -> str:
 
 def config_from_json(text: str) -> RobotConfig:
     """Read what `config_to_json` wrote; raises ValueError if another version wrote it."""
-    return _ADAPTER.validate_json(text, strict=True)
+    data = json.loads(text)
+    if not isinstance(data, dict):
+        raise ValueError("the configuration is no table")
+    return _ADAPTER.validate_json(json.dumps(with_new_names(data, RENAMED)), strict=True)
 
 
 def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:

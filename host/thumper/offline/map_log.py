@@ -72,12 +72,6 @@ class MappedLog:
     lines: tuple[str, ...] = ()  # defects of the log, one line each
 
 
-def default_options(log: RobotLog) -> MappingOptions:
-    """Return the options for the mapper with loop closure: a log may contain a loop of any size."""
-    del log
-    return MappingOptions(method="graph")
-
-
 def map_records(
     log: RobotLog,
     options: MappingOptions,
@@ -194,7 +188,7 @@ def map_log(
         raise ThumperError(
             f"{out_dir}: cannot create the directory ({error.strerror}); choose another one"
         ) from error
-    options = options or default_options(log)
+    options = options or MappingOptions()
     compile_in_subprocess(options.method)
     if reading.mounting is None:
         _check_mounting(path, log)

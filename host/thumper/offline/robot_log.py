@@ -11,7 +11,7 @@ from thumper.slam.mounting import MountFinding, corrected_laser, corrected_odome
 
 MAX_BROKEN_SHARE = 0.1  # refuse a file with a larger share of broken lines
 MAX_POSITION_M = 1e8  # twice around the earth; larger values leave too few digits for the rest of the log
-NO_ODOMETRY = "no odometry that moves: only the scans give the motion; --method scan_match is the safest then"
+NO_ODOMETRY = "no odometry that moves: only the scans give the motion"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,6 +40,15 @@ def test_configuration_survives_a_recording(tmp_path: Path) -> None:
     assert read.drive.stated == config.drive.stated == ("track_m",)
 
 
+def test_earlier_name_of_the_mapper_still_works(tmp_path: Path) -> None:
+    """In the robot's file, and in recordings of earlier versions."""
+    config = load_config(written(tmp_path, '[mapping]\nmethod = "graph"\nresolution_m = 0.1\n'))
+    assert (config.mapping.method, config.mapping.resolution_m) == ("slam", 0.1)
+    recorded = config_to_json(config).replace('"method":"slam"', '"method":"graph"')
+    assert recorded != config_to_json(config)
+    assert config_from_json(recorded) == config
+
+
 def test_masks_are_relative_to_the_file(tmp_path: Path) -> None:
     config = load_config(written(tmp_path, '[navigation.masks]\nkeepout = "kitchen.yaml"\n'))
     assert config.navigation.masks.keepout == str(tmp_path / "kitchen.yaml")

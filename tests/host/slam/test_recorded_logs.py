@@ -11,7 +11,7 @@ import pytest
 from thumper.common.geometry import FloatArray
 from thumper.maps.map_server_io import load_map
 from thumper.maps.occupancy_grid import OCCUPIED
-from thumper.offline.map_log import default_options, map_log, map_records
+from thumper.offline.map_log import map_log, map_records
 from thumper.offline.metrics import load_relations, relation_errors, squareness
 from thumper.offline.open_log import open_log
 from thumper.offline.robot_log import RobotLog
@@ -36,7 +36,7 @@ def odometry_of(log: RobotLog) -> FloatArray:
 def test_mines_map_is_square() -> None:
     """75 s of a URG-04LX at up to 1.3 m/s, around two loops."""
     log = open_log(MINES)
-    mapped = map_records(log, default_options(log))
+    mapped = map_records(log, MappingOptions())
     scores = np.array([update.match_score for update in mapped.updates[1:]])
     assert 0.92 < scores.mean() < 0.985
     assert scores.min() > 0.45
@@ -53,7 +53,7 @@ def test_intel_relations_hold_in_the_first_part() -> None:
     relations = load_relations(RELATIONS)
     relations = relations[(relations[:, 0] < 2500) & (relations[:, 1] < 2500)]
     assert len(relations) > 300
-    errors = relation_errors(map_records(part, default_options(log)).poses, relations)
+    errors = relation_errors(map_records(part, MappingOptions()).poses, relations)
     assert 0.008 < errors.translation_m.mean() < 0.028
     assert 0.05 < np.degrees(errors.rotation_rad).mean() < 0.40
     assert errors.translation_m.max() < 0.30

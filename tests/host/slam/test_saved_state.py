@@ -21,7 +21,7 @@ from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.saved_state import SavedSlamState, load_session, save_session
 
 SIZE_M = 0.05
-METHODS: tuple[Method, ...] = ("scan_match", "graph", "rbpf")
+METHODS: tuple[Method, ...] = ("slam", "scan_match", "rbpf")
 
 
 def mapped(method: Method = "scan_match", walls: FloatArray = ROOM) -> PathMapper:

@@ -151,7 +151,7 @@ def test_stationary_robot_does_not_change_the_map() -> None:
     np.testing.assert_array_equal(mapper.grid().cells, before)
 
 
-@pytest.mark.parametrize("method", ["scan_match", "graph", "rbpf"])
+@pytest.mark.parametrize("method", ["slam", "scan_match", "rbpf"])
 def test_odometry_counts_before_the_first_usable_scan(method: Method) -> None:
     """Nothing is mapped until there are beams, but the wheels count from the start."""
     start = Pose2(x_m=-1.0, y_m=0.5)

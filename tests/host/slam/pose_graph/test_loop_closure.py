@@ -1,5 +1,7 @@
 """Loops too long for a scan matcher alone."""
 
+from typing import cast
+
 import numpy as np
 import pytest
 from benchmarks.shared.corridors import corridor_loop, drive, errors_m, round_trip
@@ -7,6 +9,7 @@ from benchmarks.shared.corridors import corridor_loop, drive, errors_m, round_tr
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import HIT, MISS, ScanPoints
 from thumper.maps.occupancy_grid import FREE
+from thumper.slam.factory import MappingOptions, Method, make_mapper
 from thumper.slam.grid.branch_and_bound import BranchAndBoundSearch, SearchField
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.options import GridMapperOptions
@@ -126,6 +129,12 @@ def test_loop_closes_once_agreeing_closures_lead_clearly(leads: tuple[float, ...
         new = 10 + number
         found = Candidate(old=number, new=new, old_from_new=Pose2(), shift=Pose2(y_m=1.0), lead=lead)
         assert search.accept(new, found) == (number == closed_at)
+
+
+@pytest.mark.parametrize("name", ["", "slam", "graph"])
+def test_default_mapper_closes_loops(name: str) -> None:
+    options = MappingOptions(method=cast("Method", name)) if name else MappingOptions()
+    assert isinstance(make_mapper(options), GraphMapper)
 
 
 def test_optimizer_keeps_consistent_poses() -> None:
