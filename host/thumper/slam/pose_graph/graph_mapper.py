@@ -88,10 +88,8 @@ class GraphMapper:
 
         First completes all work that `update` has spread over the next scans.
         """
-        while (
-            self._solver or self._additions or self._next_active or self._next_whole_map or self._search.busy
-        ):
-            self._run_part()
+        while self._solver or self._builds_map or self._search.busy:
+            self._run_parts(1)
         return self.submaps.path()
 
     def grid(self) -> OccupancyGrid:
@@ -122,8 +120,7 @@ class GraphMapper:
         if self._add_node(update, scan, twist):
             self._on_submap_finished()
         parts = round((self.submaps.driven_m - driven_before_m) / PART_EVERY_M)
-        for _ in range(max(1, min(MAX_PARTS, parts))):
-            self._run_part()
+        self._run_parts(max(1, min(MAX_PARTS, parts)))
         # By now a loop may be closed, or the front end may work in another map.
         pose = self._graph_from_front_end @ self._front_end.map_from_base
         return replace(update, map_from_base=pose, jumped=self.loops_closed > loops_before)
@@ -156,8 +153,20 @@ class GraphMapper:
             # Where the map of the last round ends, the robot would start a second one beside it.
             self._additions = MapRebuild(hit_grid=self._front_end.hit_grid, chosen=near.keys() - self._active)
 
-    def _run_part(self) -> None:
-        """Run one part of the solver or of a map under construction, and one of the loop search."""
+    @property
+    def _builds_map(self) -> bool:
+        return bool(self._additions or self._next_active or self._next_whole_map)
+
+    def _run_parts(self, parts: int) -> None:
+        """Run parts of the solver or of a map under construction, and of the loop search; both share them."""
+        both = self._search.busy and (self._solver is not None or self._builds_map)
+        for _ in range(max(1, parts - both)):
+            self._run_map_part()
+            if self._search.run_part():
+                self._solver = Solver(self.submaps.poses, self.submaps.edges)
+
+    def _run_map_part(self) -> None:
+        """Run one part of the solver or of a map under construction."""
         if self._solver is not None:
             if self._solver.run_part():
                 self._apply_solution(self._solver)
@@ -173,8 +182,6 @@ class GraphMapper:
                 self._whole_map, self._next_whole_map = self._next_whole_map, None
         elif self._whole_map is not None:
             self._whole_map.insert_part(self.submaps)
-        if self._search.run_part():
-            self._solver = Solver(self.submaps.poses, self.submaps.edges)
 
     def _apply_solution(self, solver: Solver) -> None:
         """Correct the submaps, and rebuild the maps from them."""
@@ -186,7 +193,7 @@ class GraphMapper:
         self.loops_closed += 1
         self._additions = None
         self._rebuild_active()
-        self._next_whole_map = MapRebuild(hit_grid=self._empty_grid(distances=False))
+        self._next_whole_map = self._empty_whole_map()
 
     def _switch_active(self, rebuilt: MapRebuild) -> None:
         """Let the front end continue in the rebuilt active map."""
@@ -196,12 +203,15 @@ class GraphMapper:
         self._active = rebuilt.chosen or set()
         self._next_active = None
         if self._whole_map is None and self._next_whole_map is None:
-            self._next_whole_map = MapRebuild(hit_grid=self._empty_grid(distances=False))
+            self._next_whole_map = self._empty_whole_map()
 
     def _rebuild_active(self) -> None:
         self._trimmed_at_m = self.submaps.driven_m
         chosen = set(self.submaps.within(self._loops.active_m))
         self._next_active = MapRebuild(hit_grid=self._empty_grid(), chosen=chosen, margin_m=MARGIN_M)
+
+    def _empty_whole_map(self) -> MapRebuild:
+        return MapRebuild(hit_grid=self._empty_grid(distances=False), margin_m=MARGIN_M)
 
     def _empty_grid(self, *, distances: bool = True) -> HitGrid:
         options = self._options

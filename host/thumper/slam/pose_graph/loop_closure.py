@@ -91,15 +91,7 @@ class LoopSearch:
         if new < RECENT_SUBMAPS or new <= self._newest_searched:
             return
         self._newest_searched = new
-        here = submaps.pose(new)
-        # The distance driven since bounds the drift, whatever loops were closed in between.
-        reachable = [
-            (submaps.pose(s).distance_m(here), s)
-            for s in range(new)
-            if s not in near
-            and submaps.pose(s).distance_m(here)
-            < self._window_m(submaps.path_length_m(s, new)) + REACHABLE_MARGIN_M
-        ]
+        reachable = self.reachable(new, set(range(new)) - near.keys(), REACHABLE_MARGIN_M)
         if not reachable:
             self._waiting = []
             return
@@ -113,6 +105,18 @@ class LoopSearch:
                 range_m=MAP_RANGE_M,
             ),
         )
+
+    def reachable(self, new: int, old: set[int], margin_m: float) -> list[tuple[float, int]]:
+        """Return which of the old submaps may be where the new one is, with their distances [m].
+
+        The distance driven since bounds the drift, whatever loops were closed in between.
+        """
+        submaps, chosen = self._submaps, np.array(sorted(old), dtype=np.int64)
+        driven_m = np.abs(submaps.started_at_m(chosen) - submaps.started_at_m(np.array([new])))
+        x_m, y_m = (submaps.poses[chosen, :2] - submaps.poses[new, :2]).T
+        distance_m = np.hypot(x_m, y_m)
+        found = distance_m < self._window_m(driven_m) + margin_m
+        return list(zip(distance_m[found].tolist(), chosen[found].tolist(), strict=True))
 
     def run_part(self) -> bool:
         """Run one part of the search in progress and return whether it closed a loop."""
@@ -140,12 +144,14 @@ class LoopSearch:
         points_m = self._recent_hits(current.new)
         thinned = points_m[:: max(1, len(points_m) // SEARCHED_BEAMS)]
         length_m = self._submaps.path_length_m(current.old, current.new)
+        window_m = float(self._window_m(np.array(length_m)))
         window_rad = min(MAX_WINDOW_RAD, MIN_WINDOW_RAD + DRIFT_RAD_PER_M * length_m)
         centre = self._submaps.pose(current.new)
-        return BranchAndBoundSearch(field, thinned, centre, self._window_m(length_m), window_rad)
+        return BranchAndBoundSearch(field, thinned, centre, window_m, window_rad)
 
-    def _window_m(self, path_length_m: float) -> float:
-        return min(self._loops.largest_window_m, MIN_WINDOW_M + self._loops.drift_per_m * path_length_m)
+    def _window_m(self, path_length_m: FloatArray) -> FloatArray:
+        growth_m: FloatArray = MIN_WINDOW_M + self._loops.drift_per_m * path_length_m
+        return np.minimum(self._loops.largest_window_m, growth_m)
 
     def _check(self, current: LoopCandidateSearch, found: SearchResult) -> Candidate | None:
         """Return the closure; None if it explains too little or is ambiguous."""

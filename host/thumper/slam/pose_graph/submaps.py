@@ -79,6 +79,10 @@ class SubmapGraph:
         """Return `map_from_submap`."""
         return _pose(self.poses[submap])
 
+    def started_at_m(self, submaps: NDArray[np.int64]) -> FloatArray:
+        """Return the distance driven before each submap [m]."""
+        return np.array(self._started_at_m)[submaps]
+
     def path_length_m(self, first: int, second: int) -> float:
         """Return the distance driven between two submaps [m]."""
         return abs(self._started_at_m[first] - self._started_at_m[second])
