@@ -2,9 +2,11 @@
 
 import json
 import math
+import re
 import signal
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,7 +24,8 @@ from thumper.gps.earth_reference import MapDatum
 from thumper.gps.local_plane import EastNorth, LatLon, LocalPlane
 from thumper.gps.options import GpsOptions
 from thumper.imu.options import ImuOptions
-from thumper.maps.map_server_io import load_datum, save_map
+from thumper.maps.map_server_io import load_datum, load_map, save_map
+from thumper.maps.occupancy_grid import UNKNOWN
 from thumper.navigation.goal import Goal
 from thumper.ros.codec import Message
 from thumper.runtime.assembly import open_robot
@@ -57,6 +60,38 @@ def test_a_robot_finds_its_start_among_equal_sheds_and_a_goal_on_earth(yard: Pat
     assert math.dist(at, GOAL_M) < 0.3
     assert simulation("shed").contacts == 0
     assert load_datum(tmp_path / "out" / "map.yaml") == pytest.approx(YARD_DATUM, abs=1e-9)
+
+
+def test_a_place_far_from_the_fix_is_not_taken_for_the_start(tmp_path: Path) -> None:
+    """Of two equal sheds the map has only the other one."""
+    grid = World.load("yard").to_grid()
+    cells = grid.cells.copy()
+    cells[:, : cells.shape[1] // 2] = UNKNOWN
+    (tmp_path / "robot.toml").write_text("[gps]\nenabled = true\n")
+    save_map(replace(grid, cells=cells), tmp_path / "east.yaml", YARD_DATUM)
+    board = "sim://west/board?world=yard&x_m=-8.0&y_m=0.2&yaw_deg=-70&gps=rtk&gps_Hz=5"
+    command = ["run", "--board", board, "--lidar", "sim://west/lidar", "--map", str(tmp_path / "east.yaml")]
+    command += ["--config", str(tmp_path / "robot.toml"), "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(build_app(), [*command, "--goal", "7.5", "-4"])
+    assert done.exit_code == 1, done.output
+    lost = r"the GPS is at \(-[78]\.\d+, 0\.\d+\) in the map, and no place within 2 m of it fits the scan"
+    assert re.search(lost, str(done.exception))
+    assert simulation("west").truth()[-1, 1:3] == pytest.approx((-8.0, 0.2), abs=0.01)
+
+
+def test_a_start_far_from_the_fix_is_reported(yard: Path) -> None:
+    config = RobotConfig(gps=GpsOptions(enabled=True))
+    board = f"sim://wrong/board?{IN_THE_EAST_SHED}&gps=rtk"
+    config = with_ports(config, board=board, lidar="sim://wrong/lidar")
+    other_shed = Pose2(x_m=-8.0, y_m=0.2, theta_rad=math.radians(-70.0))
+    with open_robot(config, other_shed, load_map(yard), datum=YARD_DATUM) as robot:
+        while robot.inputs.now_s() < 25.0:
+            robot.step()
+            assert "GPS" not in robot.inputs.estimator.warnings() or robot.inputs.now_s() > 10.0
+        assert re.search(
+            r"the GPS is at \([78]\.\d+, 0\.\d+\) in the map, 16\.\d m from the robot's pose",
+            robot.inputs.estimator.warnings()["GPS"],
+        )
 
 
 def test_a_run_too_short_for_the_place_on_earth_says_so(tmp_path: Path) -> None:

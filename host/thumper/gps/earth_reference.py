@@ -9,6 +9,7 @@ from thumper.gps.fix import Fix, FixStatus
 from thumper.gps.local_plane import EastNorth, LatLon, LocalPlane
 from thumper.gps.navsat_filter import MIN_STD_M, NavsatFilter
 from thumper.gps.options import GpsOptions
+from thumper.gps.position_prior import PositionPrior
 
 DATUM_STD_RAD = 0.1  # of the map's direction, or it is not saved
 DRIVE_TO_FIND_IT = "a drive with a fix, of 1 to 2 m with RTK, else of 30 m and more"
@@ -65,13 +66,13 @@ class EarthReference:
             antenna = map_from_odom @ odom_at_fix @ self._base_from_antenna
             self._alignment.add(fix.time_s, antenna, seen, max(fix.std_m, MIN_STD_M) ** 2 + drift_m**2)
 
-    def prior(self, fix: Fix) -> tuple[float, float, float] | None:
-        """Return x, y and their standard deviation [m] in a loaded map; None without a fix or a datum."""
+    def prior(self, fix: Fix) -> PositionPrior | None:
+        """Return the position in a loaded map; None without a fix or a datum."""
         if self._datum is None or fix.status is FixStatus.NONE:
             return None
         lever_m = math.hypot(self._base_from_antenna.x_m, self._base_from_antenna.y_m)
         at = self._datum.to_map(LatLon(fix.latitude_deg, fix.longitude_deg))
-        return (*at, math.hypot(fix.std_m, lever_m))
+        return PositionPrior(*at, math.hypot(fix.std_m, lever_m), fix.time_s)
 
     def in_map(self, fix: Fix) -> tuple[float, float] | None:
         """Return x and y of a fix in the map [m]; None as long as the map's place on Earth is unknown."""

@@ -17,6 +17,7 @@ from thumper.common.kinematics import DriveGeometry
 from thumper.common.stamps import rounded_s
 from thumper.gps.earth_reference import EarthReference, MapDatum
 from thumper.gps.fix import Fix
+from thumper.gps.pose_check import GpsCheck
 from thumper.imu.options import ImuOptions
 from thumper.imu.sample import ImuSample
 from thumper.lidar.deskew import scan_points
@@ -93,6 +94,7 @@ class StateEstimator:
             self._odometry = GyroEkf(drive, imu=imu)
         self.uses_board_gyroscope = imu is not None and imu.uses_board
         self.fix: Fix | None = None  # the newest, with or without a position
+        self._gps_check = GpsCheck()
         self._jump_filter = JumpFilter()
         self._slip_detector = SlipDetector()
         self.mount_check = MountCheck(base_from_laser)
@@ -148,13 +150,16 @@ class StateEstimator:
         self.fix = fix = fix.as_recorded()
         if self.earth is None:
             return
-        if isinstance(self.mapper, AcceptsPositionPrior) and (prior := self.earth.prior(fix)) is not None:
-            self.mapper.set_position_prior(*prior)
+        prior = self.earth.prior(fix)
+        if isinstance(self.mapper, AcceptsPositionPrior) and prior is not None:
+            self.mapper.set_position_prior(prior)
         if not self._pose_buffer.covers(fix.time_s):
             return
         drift_m, quality = self._drift_m, self.mapper.quality()
         is_elsewhere = bool(quality.lost) and not quality.has_drifted  # its pose shows nothing about the map
         map_from_odom = None if is_elsewhere else self.map_from_odom
+        if prior is not None:
+            self._gps_check.add(prior, map_from_odom and map_from_odom @ self._pose_buffer.at(fix.time_s))
         self.earth.add(fix, self._pose_buffer.at(fix.time_s), map_from_odom, drift_m=drift_m)
         by_gps = self.earth.map_from_odom(better_than_m=drift_m)
         if by_gps is not None:
@@ -174,6 +179,7 @@ class StateEstimator:
         """Take the place on Earth of a map that was loaded now; None if it is unknown."""
         if self.earth is not None:
             self.earth.restart(datum)
+            self._gps_check = GpsCheck()
 
     @property
     def map_from_odom(self) -> Pose2:
@@ -195,6 +201,8 @@ class StateEstimator:
             warnings["MOUNT"] = describe(self.mount_check.finding, self._base_from_laser)
         if isinstance(self._odometry, GyroEkf):
             warnings |= self._odometry.warnings()
+        if self._gps_check.finding:
+            warnings["GPS"] = self._gps_check.finding
         if self._last_doubt:
             warnings["MAP"] = self._last_doubt
         return warnings

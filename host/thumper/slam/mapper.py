@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.gps.position_prior import PositionPrior
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -106,7 +107,7 @@ class Relocalizable(Protocol):
 class AcceptsPositionPrior(Protocol):
     """A mapper that a position from elsewhere, as from GPS, helps to choose between similar places."""
 
-    def set_position_prior(self, x_m: float, y_m: float, std_m: float) -> None:
+    def set_position_prior(self, prior: PositionPrior) -> None:
         """Expect the robot near this position in the map at the next search of the whole map."""
         ...
 

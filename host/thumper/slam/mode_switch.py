@@ -7,6 +7,7 @@ import numpy as np
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.resumable import SlicedSearch, merged
+from thumper.gps.position_prior import PositionPrior
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -157,10 +158,10 @@ class SlamModeSwitch:
             raise ThumperError(f"only a saved map takes a pose: {LOCALIZE_FIRST}", exit_code=EXIT_USAGE)
         self.localizer.set_pose(map_from_base, odom_from_base=self._odom_from_base)
 
-    def set_position_prior(self, x_m: float, y_m: float, std_m: float) -> None:
+    def set_position_prior(self, prior: PositionPrior) -> None:
         """Expect the robot near this position in a loaded map, when the whole map is searched."""
         if self.localizer is not None:
-            self.localizer.set_position_prior(x_m, y_m, std_m)
+            self.localizer.set_position_prior(prior)
 
     def relocalize(self) -> None:
         """Discard the pose and search the whole map for it at the next scan.

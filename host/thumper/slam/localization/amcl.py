@@ -10,6 +10,7 @@ from array import array
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.gps.position_prior import NO_PRIOR, PRIOR_S, PositionPrior
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -17,12 +18,10 @@ from thumper.slam.localization.alternative_poses import PRIOR_RATIO, Alternative
 from thumper.slam.localization.amcl_state import (
     NEAR_GIVEN_M,
     NEAR_GIVEN_RAD,
-    NO_PRIOR,
     RETRY_SCANS,
     GivenPose,
     MapDoubt,
     PoseEstimate,
-    PositionPrior,
     Schedule,
 )
 from thumper.slam.localization.challenge import Challenge
@@ -72,7 +71,7 @@ class Amcl:
         self._trust = PoseTrust(trusted=False)
         self._alternatives, self._challenge = AlternativePoses(), Challenge()
         self._map_search = MapSearch()
-        self._prior = NO_PRIOR
+        self._prior, self._excluded = NO_PRIOR, ""  # why the newest search found nothing
         self._found: list[PoseHypothesis] = []  # by the newest search of the whole map
         self._beams = MIN_HITS  # of the newest scan, with a return
         self._doubt = MapDoubt()
@@ -122,9 +121,9 @@ class Amcl:
         if odom_from_base is not None:
             self._map_from_odom = map_from_base @ odom_from_base.inverse()
 
-    def set_position_prior(self, x_m: float, y_m: float, std_m: float) -> None:
-        """Expect the robot near this position when the whole map is searched."""
-        self._prior = PositionPrior(x_m, y_m, std_m)
+    def set_position_prior(self, prior: PositionPrior) -> None:
+        """Expect the robot near this position when the whole map is searched in the next seconds."""
+        self._prior = prior
 
     def relocalize(self) -> None:
         """Discard the pose: the next scan is searched for in the whole map."""
@@ -159,6 +158,8 @@ class Amcl:
 
     def _lost(self) -> str:
         is_unknown = self._estimate.odom_from_base is None
+        if self._schedule.search and self._excluded:
+            return self._excluded
         if self._beams < MIN_HITS and (is_unknown or self._schedule.search):
             return (
                 f"only {self._beams} beams of the scan return, too few to find the pose in the map: "
@@ -202,6 +203,8 @@ class Amcl:
         """
         likelihood = ScanLikelihood.of(scan, twist, self._base_from_laser, self._map, self._options)
         self._beams = likelihood.beams
+        if scan.time_s > self._prior.time_s + PRIOR_S:
+            self._prior, self._excluded = NO_PRIOR, ""
         moved = self._estimate.motion(odom_from_base)
         expected = self._estimate.pose @ moved
         jumped = self._estimate.odom_from_base is None or self._schedule.search
@@ -284,6 +287,12 @@ class Amcl:
             return True
         found = self._map_search.advance(likelihood, odom_from_base)
         self._found = found or []
+        if found is not None and self._schedule.search:
+            self._found = [hypothesis for hypothesis in found if self._prior.allows(hypothesis.pose)]
+            self._excluded = "" if self._found else self._prior.text
+            if not self._found:
+                self._schedule.wait_scans = RETRY_SCANS
+                return False
         if found is not None and self._given.unverified is not None:
             self._follow_given(self._map_search.moved(odom_from_base))
         return found is not None

@@ -1,9 +1,7 @@
 """The state of `Amcl` besides its particles: the estimate, what is due next, and what the user gave."""
 
-import math
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from thumper.common.geometry import Pose2
 from thumper.slam.localization.alternative_poses import are_close
@@ -27,22 +25,6 @@ class PoseEstimate:
     def motion(self, odom_from_base: Pose2) -> Pose2:
         """Return the motion since then; none if no scan was weighed yet."""
         return Pose2() if self.odom_from_base is None else self.odom_from_base.inverse() @ odom_from_base
-
-
-class PositionPrior(NamedTuple):
-    """A position that another sensor, such as GPS, knows."""
-
-    x_m: float
-    y_m: float
-    std_m: float
-
-    def log(self, pose: Pose2) -> float:
-        """Return the logarithm of the likelihood of a pose, up to a constant."""
-        sigmas = math.hypot(pose.x_m - self.x_m, pose.y_m - self.y_m) / self.std_m
-        return -0.5 * sigmas**2
-
-
-NO_PRIOR = PositionPrior(0.0, 0.0, math.inf)
 
 
 @dataclass(slots=True)

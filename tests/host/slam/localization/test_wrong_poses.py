@@ -8,6 +8,7 @@ import pytest
 from benchmarks.shared.rooms import rectangle, room_scan
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.gps.position_prior import PositionPrior
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.grid.grid_mapper import GridMapper
@@ -117,3 +118,18 @@ def test_mapping_resumes_in_the_same_corridor() -> None:
     )
     assert robot.localizer is None
     assert results[-1][0] < 0.1
+
+
+@pytest.mark.parametrize("age_s", [0.0, 60.0])
+@pytest.mark.parametrize("gps_m", [0.0, APART_M, 2.0 * APART_M])
+def test_a_search_finds_no_place_far_from_a_fresh_position_by_gps(gps_m: float, age_s: float) -> None:
+    path = eastwards(-1.4, -0.4, 2)
+    localizer = Amcl(grid_of(TWINS))
+    localizer.set_position_prior(PositionPrior(gps_m - 1.4, -0.4, 0.05, -age_s))
+    error_m, _, lost = drive(localizer, path, TWINS, 2.5)[-1]
+    if age_s > 0.0:
+        assert "GPS" not in lost
+    elif gps_m > APART_M:
+        assert "the GPS is at (18.60, -0.40) in the map, and no place within 2 m of it fits the scan" in lost
+    else:
+        assert error_m == pytest.approx(gps_m, abs=0.1)
