@@ -188,6 +188,8 @@ def test_a_sensor_comes_back(device: str) -> None:
         samples = feed.sensor.counters.samples
         run_for(service, 2.0)
         assert feed.sensor.counters.samples == samples > 0
+        service.until(lambda: f"no data from the {device} for 3 s; check its cable" in service.events)
+        assert "; no data for 3 s" in feed.summary(robot.inputs.now_s())
         service.bench.fault(device, "ok")
         service.until(lambda: f"the {device} answers again" in service.events)
         back_s = service.bench.time_s
@@ -195,6 +197,8 @@ def test_a_sensor_comes_back(device: str) -> None:
         assert feed.sensor.counters.restarts == 1
         assert feed.newest.time_s > back_s  # new samples, on the clock of before
         assert feed.newest.time_s <= robot.inputs.now_s()
+        assert f"the {device} sends data again" in service.events
+        assert "no data" not in feed.summary(robot.inputs.now_s())
         service.put(GoTo(goals=(NEAR,)))
         service.until(lambda: service.mode == "idle")
         assert service.ask("mission/state")["state"] == "reached"

@@ -26,6 +26,7 @@ from thumper.ros.topics import TOPICS
 from thumper.runtime.drive.data_age import LIDAR_LOST, SCAN_TIMEOUT_S
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.sensor_inputs import BLIND_S, SensorInputs
+from thumper.runtime.sensor_table import SILENT_S
 from thumper.runtime.state_estimator import RobotState
 from thumper.slam.mapper import HasParticles
 
@@ -83,6 +84,7 @@ class Publisher:
         self._fault = Fault.NONE
         self._warned: set[str] = set()  # kinds of warnings
         self._has_scans = True
+        self._silent: set[str] = set()  # names of sensors
         self._was_waiting = False
 
     def add_sink(self, sink: Sink) -> None:
@@ -135,7 +137,7 @@ class Publisher:
             self._publish_plans(drive_manager, output, state)
         self._publish_map(inputs, time_s)
         self._publish_events(inputs, drive_manager)
-        self._publish_losses(state, drive_manager)
+        self._publish_losses(inputs, state, drive_manager)
         status = self._status(inputs, drive_manager, state, timing)
         self._send("status", time_s, self.messages.status(status))
 
@@ -218,8 +220,18 @@ class Publisher:
             text = fault_line(fault) if fault else "fault cleared"
             self.publish_event(text, ERROR if fault else INFO, name="board")
 
-    def _publish_losses(self, state: RobotState, drive_manager: DriveManager) -> None:
-        """Say when scans stay away and when they return, and why a drive waits."""
+    def _publish_losses(self, inputs: SensorInputs, state: RobotState, drive_manager: DriveManager) -> None:
+        """Say when a sensor falls silent and when it sends again, and why a drive waits."""
+        for feed in inputs.feeds:
+            name = feed.kind.name
+            if feed.is_silent(state.time_s) and name not in self._silent:
+                self._silent.add(name)
+                self.publish_event(
+                    f"no data from the {name} for {SILENT_S:.0f} s; check its cable", WARN, name=name
+                )
+            elif not feed.is_silent(state.time_s) and name in self._silent:
+                self._silent.remove(name)
+                self.publish_event(f"the {name} sends data again", name=name)
         limit_s = BLIND_S if not self._has_scans else SCAN_TIMEOUT_S
         has_scans = state.scan_age_s < limit_s or math.isinf(state.scan_age_s)  # inf: none yet
         if has_scans != self._has_scans:
@@ -261,7 +273,9 @@ class Publisher:
             lidar_scans=lidar.samples,
             lidar_errors=lidar.bad_replies + lidar.port_errors,
             lidar_restarts=lidar.restarts,
-            sensors="\n".join(filter(None, (*(feed.summary for feed in inputs.feeds), self.objects))),
+            sensors="\n".join(
+                filter(None, (*(feed.summary(state.time_s) for feed in inputs.feeds), self.objects))
+            ),
         )
 
     def _send(self, topic: str, time_s: float, message: Message) -> None:

@@ -20,6 +20,8 @@ from thumper.runtime.state_estimator import StateEstimator
 
 Sample = TypeVar("Sample")
 
+SILENT_S = 3.0  # a GPS receiver may send once per second
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorKind(Generic[Sample]):
@@ -98,14 +100,19 @@ class SensorFeed:
                 chosen.append(sample)
         return chosen
 
-    @property
-    def summary(self) -> str:
-        """Name, samples, errors and restarts, and the fix of a GPS."""
+    def is_silent(self, now_s: float) -> bool:
+        """Whether no sample has come for `SILENT_S`; not before the first one."""
+        return self.newest is not None and now_s > self.newest.time_s + SILENT_S
+
+    def summary(self, now_s: float) -> str:
+        """Return name, samples, errors and restarts, and the fix of a GPS or how long it has been silent."""
         counters = self.sensor.counters
         errors = counters.bad_replies + counters.port_errors
-        fix = f"; {self.newest.text}" if isinstance(self.newest, Fix) else ""
+        newest = f"; {self.newest.text}" if isinstance(self.newest, Fix) else ""
+        if self.is_silent(now_s):
+            newest = f"; no data for {now_s - self.newest.time_s:.0f} s: check its cable"
         count = f"{counters.samples} samples, {errors} errors, {counters.restarts} restarts"
-        return f"{self.kind.name}: {count}{fix}"
+        return f"{self.kind.name}: {count}{newest}"
 
 
 def open_feed(kind: SensorKind[Any], config: RobotConfig) -> SensorFeed:
