@@ -97,8 +97,8 @@ class BusServer:
             self._wake.notify()
         self._thread.join(2.0)
         # Before the session: Zenoh never frees what is undeclared after it.
-        for declared in (self._presence, *self._publishers.values()):
-            declared.undeclare()  # type: ignore[no-untyped-call]
+        for publisher in self._publishers.values():
+            publisher.undeclare()  # type: ignore[no-untyped-call]
         self._session.close()  # type: ignore[no-untyped-call]
 
     def _enqueue(self, job: Callable[[], None]) -> None:
