@@ -11,6 +11,7 @@ from typing import IO
 
 from mcap.writer import CompressionType, Writer
 
+from thumper.common.files import sync_folder
 from thumper.common.version import __version__
 from thumper.ros.codec import definition
 
@@ -85,12 +86,3 @@ class McapFile:
             schema = self._writer.register_schema(name=type_name, encoding="ros2msg", data=text)
             self._schemas[type_name] = schema
         return self._writer.register_channel(topic=f"/{topic}", message_encoding="cdr", schema_id=schema)
-
-
-def sync_folder(folder: Path) -> None:
-    """Write a folder's entries to the disk, after a file was renamed."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -26,9 +26,9 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.common.files import open_regular
+from thumper.common.files import open_regular, sync_folder
 from thumper.recording.chunks import ChunkReader
-from thumper.recording.mcap_file import CHUNK_BYTES, LIBRARY, PART, sync_folder
+from thumper.recording.mcap_file import CHUNK_BYTES, LIBRARY, PART
 
 DAMAGED = ".damaged"
 REPAIRED = ".repaired"  # while the repaired file is being written
