@@ -115,6 +115,7 @@ class FakeRobot:
             self.annotate(Annotations())
         self.reason = ""
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
+        self.recording_paused = False
         self.state = State.CLOSED_LOOP
         self.simulated_faults, self.experiment, self.has_sensors = {}, "", False
         self.grid = room()
@@ -330,6 +331,7 @@ class FakeRobot:
             reason=self.reason or ("following the plan" if goal else "waiting for a goal"),
             simulated=self.simulated,
             recording=self.recording,
+            recording_paused=self.recording_paused,
             has_goal=goal is not None,
             goal_x_m=goal.x_m if goal else 0.0,
             goal_y_m=goal.y_m if goal else 0.0,

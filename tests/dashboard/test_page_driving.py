@@ -97,5 +97,7 @@ def test_recording(page: Page, robot: FakeRobot) -> None:
     until(lambda: robot.recording)
     expect(dot).to_have_css("background-color", "rgb(207, 34, 46)")
     expect(page.locator("[data-field=recorded]")).to_have_text("0:01")
+    robot.recording_paused = True
+    expect(page.locator("[data-field=recorded]")).to_have_text("disk full")
     page.click(".tp-record")
     until(lambda: not robot.recording)

@@ -83,9 +83,16 @@ def _status_text(message: Any, mapping: Mapping[str, str], wheels: Mapping[str, 
         f"scan {max(0.0, 1e3 * m.scan_age_s):.0f} ms old",
         *("{:<8}{}".format(*line.split(":", 1)) for line in m.sensors.splitlines()),
         f"loop     {1e3 * m.loop_late_s:.1f} ms late, busy for {1e3 * m.loop_busy_s:.1f} ms",
-        f"recording {'on' if m.recording else 'off'}",
+        f"recording {recording_text(m)}",
     ]
     return "\n".join(lines)
+
+
+def recording_text(status: Any) -> str:
+    """Return whether the robot records."""
+    if status.recording_paused:
+        return "paused until the disk has room"
+    return "on" if status.recording else "off"
 
 
 def mode_text(mapping: Mapping[str, str]) -> str:

@@ -52,9 +52,8 @@ class RecordingControl:
             return "already recording"
         self._detach()  # a recorder that has stopped on its own
         publisher = self._robot.publisher
-        self._recorder = Recorder(self._folder, self.run_metadata(), report=self._on_report)
+        publisher.recorder = self._recorder = Recorder(self._folder, self.run_metadata(), report=self._report)
         publisher.add_sink(self._recorder)
-        publisher.recording = True
         return f"recording to {self._folder}/"
 
     def stop(self) -> str:
@@ -76,14 +75,8 @@ class RecordingControl:
         recorder, self._recorder = self._recorder, None
         if recorder is not None:
             self._robot.publisher.remove_sink(recorder)
-            self._robot.publisher.recording = False
+            self._robot.publisher.recorder = None
         return recorder
-
-    def _on_report(self, text: str) -> None:
-        recorder = self._recorder
-        if recorder is not None:  # it has paused, continued or stopped
-            self._robot.publisher.recording = recorder.active and not recorder.is_paused
-        self._report(text)
 
 
 @contextmanager

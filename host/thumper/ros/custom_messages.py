@@ -35,6 +35,7 @@ string mode
 string reason
 bool simulated
 bool recording
+bool recording_paused
 bool has_goal
 float64 goal_x_m
 float64 goal_y_m

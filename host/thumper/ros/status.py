@@ -12,7 +12,8 @@ class Status:
     mode: str = "idle"  # idle, holding, driving, manual, stopping, experiment
     reason: str = ""  # why, as text
     simulated: bool = False
-    recording: bool = False
+    recording: bool = False  # also while it is paused
+    recording_paused: bool = False  # until the disk has room again
     has_goal: bool = False
     goal_x_m: float = 0.0
     goal_y_m: float = 0.0

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -47,6 +48,15 @@ class LoopTiming:
     busy_s: float = 0.0  # computing time
 
 
+class RunningRecorder(Protocol):
+    """What the status says about a recorder."""
+
+    is_paused: bool
+
+    @property
+    def active(self) -> bool: ...
+
+
 class Publisher:
     """Passes every message to every sink; without sinks it makes none but events and texts."""
 
@@ -66,7 +76,7 @@ class Publisher:
         `now_s`, the robot's clock [s], stamps events and texts.
         """
         self.messages = messages
-        self.recording = False
+        self.recorder: RunningRecorder | None = None
         self.experiment = ""  # what drives the board past the drive manager
         self.objects = ""  # what a detector has seen, in one line; empty without one
         self._robot = robot
@@ -246,6 +256,8 @@ class Publisher:
         self, inputs: SensorInputs, drive_manager: DriveManager, state: RobotState, timing: LoopTiming
     ) -> Status:
         telemetry, goal, lidar = inputs.telemetry, drive_manager.goal, inputs.lidar.counters
+        recorder = self.recorder
+        is_recording = recorder is not None and recorder.active
         assert telemetry is not None  # there is a state
         return Status(
             time_s=state.time_s,
@@ -253,7 +265,8 @@ class Publisher:
             mode="experiment" if self.experiment else drive_manager.mode.value,
             reason=self.experiment or drive_manager.reason,
             simulated=self._simulated,
-            recording=self.recording,
+            recording=is_recording,
+            recording_paused=is_recording and recorder.is_paused,
             has_goal=goal is not None,
             goal_x_m=goal.x_m if goal else 0.0,
             goal_y_m=goal.y_m if goal else 0.0,

@@ -74,7 +74,7 @@ const FIELDS = {
   gyro_heading: ({ board }) => formatDegrees(board?.gyro_heading_rad, "°"),
   pages: ({ pages }) => formatCount(pages),
   rtt: () => (state.rttMs === null ? NO_VALUE : `${state.rttMs.toFixed(0)} ms`),
-  recorded: ({ recording_s }) => formatDuration(recording_s),
+  recorded: ({ recording_s, status }) => (status?.recording_paused ? "disk full" : formatDuration(recording_s)),
   fault_words: ({ status }) => status?.fault_words ?? "",
   fault_cure: ({ status }) => status?.fault_cure ?? "",
   operator: ({ operator }) => (!operator ? "nobody" : operator === state.pageId ? "this page" : "another page"),
