@@ -1,7 +1,6 @@
 """`thumper doctor`: check the computer and the robot, and say how to fix what fails."""
 
 import json
-import os
 import shutil
 import sys
 from collections.abc import Iterator
@@ -49,7 +48,7 @@ def doctor(
 
 
 def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: bool) -> Iterator[Check]:
-    from thumper.config.robot import load_config, with_ports
+    from thumper.config.robot import load_config, shared_port, with_ports
     from thumper.doctor.board_checks import check_board
     from thumper.doctor.host_checks import check_set_up
     from thumper.doctor.lidar_checks import check_lidar
@@ -63,12 +62,12 @@ def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: b
     yield from _ports()
     yield from check_set_up(KNOWN_USB)
     lidar_checks: Iterator[Check] = iter(())
-    if (board or config) and os.path.realpath(settings.board.port) == os.path.realpath(settings.lidar.port):
-        fix = f"{settings.lidar.port} is also the board's port; give each device its own"
-        lidar_checks = iter([Check(verdict="fail", what="lidar", fix=fix)])
-    elif lidar or config or settings.lidar.port.startswith("sim:"):  # the board `sim://` brings its lidar
+    shared = shared_port(settings) if board or config else ""
+    if lidar or config or settings.lidar.port.startswith("sim:"):  # the board `sim://` brings its lidar
         lidar_checks = check_lidar(settings.lidar, seconds=seconds)
-    sensor_checks = chain(lidar_checks, check_sensors(settings, seconds=seconds))
+    sensor_checks: Iterator[Check] = chain(lidar_checks, check_sensors(settings, seconds=seconds))
+    if shared:  # a board must not get what a lidar is asked
+        sensor_checks = iter([Check(verdict="fail", what="one port, two devices", fix=shared)])
     if board or config:
         yield from check_board(
             settings.board,

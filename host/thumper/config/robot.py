@@ -1,6 +1,7 @@
 """Read the robot's TOML and check every key, type and range. Unknown keys are errors."""
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -244,6 +245,20 @@ def unused_ports(configured: RobotConfig, used: RobotConfig) -> list[str]:
         if getattr(mine, "enabled", True) and mine.port not in {new.port, usual.port}:
             names.append(f"[{table}] port {mine.port}")
     return names
+
+
+def shared_port(config: RobotConfig) -> str:
+    """Return which two devices have the same port, in one line; empty if each has its own."""
+    tables = [name for name in SENSOR_TABLES if getattr(config, name).enabled]
+    if config.imu.uses_board:
+        tables.remove("imu")
+    owners: dict[str, str] = {}
+    for table in ("board", "lidar", *tables):
+        port = getattr(config, table).port
+        owner = owners.setdefault(os.path.realpath(port), table)
+        if owner != table:
+            return f"[{table}] port {port} is also that of [{owner}]; give each device its own"
+    return ""
 
 
 def _beside(board: str, name: str, options: Any) -> Any:

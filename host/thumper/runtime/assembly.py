@@ -20,7 +20,7 @@ from thumper.common.sensor import ReopenedSensor
 from thumper.common.serial_port import check_port_exists
 from thumper.common.signals import raise_lost_interrupt, record_interrupts
 from thumper.common.stamps import epoch_ns_at
-from thumper.config.robot import DriveOptions, RobotConfig
+from thumper.config.robot import DriveOptions, RobotConfig, shared_port
 from thumper.gps.earth_reference import EarthReference, MapDatum
 from thumper.gps.fix import FixStatus
 from thumper.lidar.driver import LidarDriver
@@ -90,6 +90,8 @@ def open_robot(
     ThumperError
         A port, the board or the lidar does not answer; the message names it and the fix.
     """
+    if shared := shared_port(config):
+        raise ThumperError(shared, exit_code=EXIT_USAGE)
     check_port_exists(config.board.port, "board")
     with record_interrupts(), raise_lost_interrupt():
         warm_up(config)  # compiling takes seconds, which must not pass while wheels turn

@@ -4,8 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from thumper.common.errors import ThumperError
-from thumper.config.robot import REMOVED_KEYS, RobotConfig, config_from_json, config_to_json, load_config
+from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.config.robot import (
+    REMOVED_KEYS,
+    RobotConfig,
+    config_from_json,
+    config_to_json,
+    load_config,
+    shared_port,
+)
+from thumper.runtime.assembly import open_robot
 
 
 def written(folder: Path, text: str) -> Path:
@@ -47,6 +55,32 @@ def test_earlier_name_of_the_mapper_still_works(tmp_path: Path) -> None:
     recorded = config_to_json(config).replace('"method":"slam"', '"method":"graph"')
     assert recorded != config_to_json(config)
     assert config_from_json(recorded) == config
+
+
+@pytest.mark.parametrize(
+    ("text", "shared"),
+    [
+        ("", ""),
+        ('[imu]\nenabled = true\nmodel = "mpu6050"\nport = "/dev/ttyUSB0"\n', ""),
+        (
+            "[gps]\nenabled = true\n",
+            "[gps] port /dev/ttyACM0 is also that of [lidar]",
+        ),
+        (
+            '[lidar]\nport = "/dev/ttyUSB0"\n',
+            "[lidar] port /dev/ttyUSB0 is also that of [board]",
+        ),
+    ],
+)
+def test_two_devices_on_one_port_are_named(text: str, shared: str, tmp_path: Path) -> None:
+    assert shared_port(load_config(written(tmp_path, text))).split(";")[0] == shared
+
+
+def test_a_run_with_two_devices_on_one_port_is_refused(tmp_path: Path) -> None:
+    config = load_config(written(tmp_path, "[gps]\nenabled = true\n"))
+    with pytest.raises(ThumperError, match="is also that of") as refused, open_robot(config, None):
+        pass
+    assert refused.value.exit_code == EXIT_USAGE
 
 
 def test_masks_are_relative_to_the_file(tmp_path: Path) -> None:

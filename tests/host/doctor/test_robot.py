@@ -155,7 +155,9 @@ def test_a_gyroscope_that_the_board_does_not_use_is_a_failed_check(tmp_path: Pat
 def test_the_port_of_the_board_is_not_asked_for_a_lidar() -> None:
     code, checks = diagnose("--board", "sim://same/board", "--lidar", "sim://same/board")
     assert code == 4
-    assert "is also the board's port" in line(checks, "lidar")["fix"]
+    assert line(checks, "one port, two devices")["fix"] == (
+        "[lidar] port sim://same/board is also that of [board]; give each device its own"
+    )
 
 
 def test_a_missing_port_is_a_failed_check() -> None:
