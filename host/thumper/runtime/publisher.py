@@ -256,8 +256,7 @@ class Publisher:
         self, inputs: SensorInputs, drive_manager: DriveManager, state: RobotState, timing: LoopTiming
     ) -> Status:
         telemetry, goal, lidar = inputs.telemetry, drive_manager.goal, inputs.lidar.counters
-        recorder = self.recorder
-        is_recording = recorder is not None and recorder.active
+        recorder = self.recorder if self.recorder is not None and self.recorder.active else None
         assert telemetry is not None  # there is a state
         return Status(
             time_s=state.time_s,
@@ -265,8 +264,8 @@ class Publisher:
             mode="experiment" if self.experiment else drive_manager.mode.value,
             reason=self.experiment or drive_manager.reason,
             simulated=self._simulated,
-            recording=is_recording,
-            recording_paused=is_recording and recorder.is_paused,
+            recording=recorder is not None,
+            recording_paused=recorder is not None and recorder.is_paused,
             has_goal=goal is not None,
             goal_x_m=goal.x_m if goal else 0.0,
             goal_y_m=goal.y_m if goal else 0.0,
