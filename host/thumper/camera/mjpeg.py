@@ -70,10 +70,14 @@ class MjpegDriver(StreamSensor[CameraFrame]):
         super().__init__(port)
         self._decoder = MjpegDecoder()
         self._latency_s = latency_s
+        self.shape = (0, 0)  # height and width of the first frame
         foreign = f"the device on {port.url} sends no images; correct [camera] port"
-        self._start(
-            START_TIMEOUT_S, lambda data: any(True for _ in self._decoder.feed(data)), foreign=foreign
-        )
+        self._start(START_TIMEOUT_S, self._recognizes, foreign=foreign)
+
+    def _recognizes(self, data: bytes) -> bool:
+        for _, image in self._decoder.feed(data):
+            self.shape = jpeg_shape(image)
+        return self.shape != (0, 0)
 
     def _decode(self, data: bytes, now_s: float) -> list[CameraFrame]:
         found = [

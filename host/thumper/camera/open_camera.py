@@ -22,7 +22,9 @@ def open_camera(options: CameraOptions) -> Sensor[CameraFrame]:
         return V4l2Camera(open_v4l2(options), name=options.port, latency_s=options.latency_s)
     port = open_port(options.port, baud=115_200, name="camera")
     try:
-        return MjpegDriver(port, latency_s=options.latency_s)
+        camera = MjpegDriver(port, latency_s=options.latency_s)
+        options.check_shape(camera.shape)
     except BaseException:
         port.close()
         raise
+    return camera

@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.geometry import FloatArray
 
 DISTORTION_NUMBERS = 5  # of ROS's model plumb_bob
@@ -43,6 +44,15 @@ class CameraOptions:
             raise ValueError(
                 f"distortion needs {DISTORTION_NUMBERS} numbers, k1, k2, p1, p2, k3; "
                 f"{len(self.distortion)} are given"
+            )
+
+    def check_shape(self, shape: tuple[int, int]) -> None:
+        """Raise ThumperError if frames have another height and width: the intrinsics are not for them."""
+        if shape != (self.height_px, self.width_px):
+            raise ThumperError(
+                f"the camera {self.port} sends {shape[1]} x {shape[0]} pixels; correct [camera] width_px and "
+                "height_px, and the intrinsics with them",
+                exit_code=EXIT_NOT_THERE,
             )
 
     def matrix(self) -> FloatArray:

@@ -40,6 +40,8 @@ def open_v4l2(options: CameraOptions) -> "cv2.VideoCapture":
             "`ls /dev/video*` lists the cameras, and sim://robot/camera is a simulated one",
             exit_code=EXIT_NOT_THERE,
         )
+    # Or it writes a line of its own before the error.
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     capture = cv2.VideoCapture(options.port, cv2.CAP_V4L2)
     if not capture.isOpened():
         raise ThumperError(
@@ -52,14 +54,14 @@ def open_v4l2(options: CameraOptions) -> "cv2.VideoCapture":
     capture.set(cv2.CAP_PROP_FRAME_HEIGHT, options.height_px)
     capture.set(cv2.CAP_PROP_FPS, options.rate_Hz)
     capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
-    size = (round(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), round(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))
-    if size != (options.width_px, options.height_px):
-        capture.release()
-        raise ThumperError(
-            f"the camera {options.port} sends {size[0]} x {size[1]} pixels; correct [camera] width_px and "
-            "height_px, and the intrinsics with them",
-            exit_code=EXIT_NOT_THERE,
+    try:
+        height_px, width_px = (
+            capture.get(size) for size in (cv2.CAP_PROP_FRAME_HEIGHT, cv2.CAP_PROP_FRAME_WIDTH)
         )
+        options.check_shape((round(height_px), round(width_px)))
+    except BaseException:
+        capture.release()
+        raise
     return capture
 
 

@@ -175,6 +175,13 @@ def test_the_doctor_reports_rate_and_size() -> None:
     assert check.what == "camera: 10.0 Hz, 640 x 480 pixels, 0 damaged"
 
 
+def test_a_camera_of_another_size_is_refused() -> None:
+    wide = replace(config("camera-wide"), camera=CameraOptions(enabled=True, width_px=1280, height_px=720))
+    wide = with_ports(wide, board="sim://camera-wide/board", lidar="sim://camera-wide/lidar")
+    with pytest.raises(ThumperError, match=r"sends 640 x 480 pixels; correct \[camera\] width_px"):
+        open_camera(wide.camera)
+
+
 def test_an_absent_camera_is_refused_in_one_line() -> None:
     with pytest.raises(
         ThumperError, match="cannot open the camera /dev/video77: there is no such"
