@@ -28,6 +28,7 @@ DRIVE, SERVICE = "tests/host/runtime/drive/", "tests/host/runtime/service/"
 SAFETY = "tests/host/navigation/safety/"
 TESTS = {
     "thumper.navigation.safety.collision_monitor": [f"{SAFETY}test_collision_monitor.py"],
+    "thumper.runtime.drive.assisted_teleop": [f"{DRIVE}test_assisted_teleop.py"],
     "thumper.runtime.drive.drive_manager": [f"{DRIVE}test_drive_manager.py"],
     "thumper.dashboard.login": ["tests/dashboard/test_access.py"],
     "thumper.dashboard.rate_limit": [

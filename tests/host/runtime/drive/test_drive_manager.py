@@ -19,7 +19,7 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.state import NavigationOutput, NavigationState
 from thumper.runtime.drive import drive_manager
 from thumper.runtime.drive.assisted_teleop import AssistedCommand
-from thumper.runtime.drive.drive_manager import DriveManager, DriveMode
+from thumper.runtime.drive.drive_manager import BY_PROGRAM, DriveManager, DriveMode
 from thumper.runtime.drive.manual_pwm import FeedForward, manual_pwm
 from thumper.runtime.requests import TeleopSource, Velocity
 from thumper.runtime.state_estimator import RobotState
@@ -415,6 +415,21 @@ def test_override_of_the_assistance_ends_unless_it_is_repeated(bench: Bench) -> 
     assert [driven(), driven()] == [AHEAD, AHEAD]  # 0.1 s a cycle, 0.3 s an override
     bench.now_s += 0.05
     assert driven() == Twist2()
+
+
+@pytest.mark.parametrize(
+    ("source", "driver"), [(TeleopSource.GAMEPAD, "driven by gamepad"), (TeleopSource.VELOCITY, BY_PROGRAM)]
+)
+@pytest.mark.parametrize("obstacle", ["", "an obstacle ahead"])
+def test_the_reason_names_what_the_assistance_stops_for(
+    bench: Bench, source: TeleopSource, driver: str, obstacle: str
+) -> None:
+    assisted = SimpleNamespace(limit=lambda twist, *_: AssistedCommand(twist=twist, reason=obstacle))
+    bench.manager._assisted_teleop = cast("Any", assisted)
+    bench.manager.arm(None)
+    bench.hold(AHEAD, source)
+    bench.step()
+    assert bench.manager.reason == (f"{driver}; {obstacle}" if obstacle else driver)
 
 
 @pytest.mark.parametrize("source", TeleopSource)
