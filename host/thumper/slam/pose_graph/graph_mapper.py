@@ -140,7 +140,7 @@ class GraphMapper:
     def _on_submap_finished(self) -> None:
         """Connect the submap just finished, start a loop search, and keep the active map up to date."""
         near = self.submaps.within(self._loops.active_m)
-        self.submaps.connect_to_nearest(near)
+        self.submaps.connect_to_nearest(near, self._loops.accept_score)
         if not self._search.busy:
             self._search.start(near)
             far_m = self.submaps.driven_m - self._trimmed_at_m

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.lidar.deskew import INVALID, KindArray, ScanPoints
+from thumper.lidar.deskew import HIT, INVALID, KindArray, ScanPoints
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.pose_arrays import compose_rows
 from thumper.slam.pose_graph.optimizer import Edge
@@ -26,6 +26,9 @@ LOOP_STD_M, LOOP_STD_RAD = 0.02, 0.004
 FREE_SHARE = 0.2
 # Path length that a turn of 1 rad counts as: turning drifts, too.
 METRES_PER_RAD = 0.3
+OVERLAP_SUBMAPS = 4  # before and after an old submap, whose walls are compared with those of the new one
+NEW_HITS, OLD_HITS, HITS_PER_SCAN = 300, 2000, 50  # compared
+SAME_WALL_M, COMPARED_M = 0.15, 1.0  # hits about this close are the same wall; are compared
 MAX_KEPT_SCANS = 16_000  # about 100 MB with a lidar of 400 beams, and a path of more than a kilometre
 
 
@@ -162,11 +165,12 @@ class SubmapGraph:
         self._neighbours[first].append((second, length_m))
         self._neighbours[second].append((first, length_m))
 
-    def connect_to_nearest(self, near: dict[int, float]) -> None:
-        """Connect the submap just finished to the nearest old one in the active map.
+    def connect_to_nearest(self, near: dict[int, float], accept_score: float) -> None:
+        """Connect the submap just finished to the nearest old one in the active map, if their walls agree.
 
         Both were matched against the same map, so their relative pose is known. Without the edge a later loop
-        could pull them apart.
+        could pull them apart. Where the map has drifted by more than the matcher's basin, the new walls lie
+        beside the old ones: then only a search knows the relative pose.
         """
         submap = self.newest - 1
         if submap < 1:
@@ -176,8 +180,28 @@ class SubmapGraph:
         if not old:
             return
         nearest = min(old, key=lambda s: self.pose(s).distance_m(here))
-        if self.pose(nearest).distance_m(here) < NEIGHBOUR_DISTANCE_M:
+        if (
+            self.pose(nearest).distance_m(here) < NEIGHBOUR_DISTANCE_M
+            and self._agreement(nearest, submap) >= accept_score
+        ):
             self.connect(nearest, submap, self.pose(nearest).inverse() @ here, loop=True)
+
+    def _agreement(self, old: int, new: int) -> float:
+        """Return which share of the new submap's walls lies on those seen from around the old one."""
+        last = min(old + OVERLAP_SUBMAPS, new - OVERLAP_SUBMAPS)
+        new_m = self.hits_m(new - OVERLAP_SUBMAPS // 2, new, NEW_HITS)
+        return agreement(new_m, self.hits_m(old - OVERLAP_SUBMAPS, last, OLD_HITS))
+
+    def hits_m(self, first: int, last: int, count: int) -> FloatArray:
+        """Return about `count` hits of submaps `first` to `last` in the map, shape (n, 2)."""
+        scans = self.scans_of(first, last)
+        chosen = scans[:: math.ceil(len(scans) * HITS_PER_SCAN / count)] if scans else []
+        parts = [np.zeros((0, 2))]
+        for scan in chosen:
+            ends_m = scan.ends_m[scan.kinds == HIT].astype(np.float64)
+            thinned_m = ends_m[:: max(1, len(ends_m) * len(chosen) // count)]
+            parts.append((self.pose(scan.submap) @ scan.submap_from_base).apply(thinned_m))
+        return np.concatenate(parts)
 
     def within(self, distance_m: float) -> dict[int, float]:
         """Return the submaps within this distance of the newest along the graph, with it [m] (Dijkstra)."""
@@ -258,6 +282,23 @@ class SubmapGraph:
         if self.newest > 0:
             before = self.newest - 1
             self.connect(before, self.newest, self.pose(before).inverse() @ map_from_base, loop=False)
+
+
+def agreement(new_m: FloatArray, old_m: FloatArray) -> float:
+    """Return which share of the new hits, shape (n, 2), lies on old walls, shape (m, 2).
+
+    Only hits near an old one count: the others show what was not seen before.
+    """
+    near = int(_is_near(new_m, old_m, COMPARED_M).sum())
+    return float(_is_near(new_m, old_m, SAME_WALL_M).sum()) / near if near else 0.0
+
+
+def _is_near(points_m: FloatArray, others_m: FloatArray, size_m: float) -> NDArray[np.bool_]:
+    """Return which points have another point in their cell of this size, or in one next to it."""
+    cells, others = (np.floor(each_m / size_m).astype(np.int64) for each_m in (points_m, others_m))
+    around = np.stack(np.meshgrid((-1, 0, 1), (-1, 0, 1)), axis=-1).reshape(-1, 2)
+    keys = (cells[:, np.newaxis] + around) @ (1 << 32, 1)
+    return np.asarray(np.isin(keys, others @ (1 << 32, 1)).any(axis=1))
 
 
 def _pose(row: FloatArray) -> Pose2:

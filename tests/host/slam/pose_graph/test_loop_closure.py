@@ -137,6 +137,22 @@ def test_default_mapper_closes_loops(name: str) -> None:
     assert isinstance(make_mapper(options), GraphMapper)
 
 
+@pytest.mark.parametrize(("drift_m", "connected"), [(0.0, True), (1.2, False)])
+def test_drifted_submap_is_not_taken_for_its_old_neighbour(drift_m: float, connected: bool) -> None:
+    """Out and back along a corridor: beyond the matcher's basin, only a search knows the relative pose."""
+    along_m = np.arange(-5.0, 20.0, 0.05)
+    walls_m = np.concatenate([np.column_stack((along_m, 0.0 * along_m + y_m)) for y_m in (-1.5, 1.5)])
+    submaps = SubmapGraph()
+    for x_m in (*np.arange(0.0, 15.0, 0.25), *np.arange(15.0, 0.0, -0.25)):
+        pose = Pose2(x_m=float(x_m), y_m=drift_m if submaps.driven_m > 15.0 else 0.0)
+        ends_m = walls_m[np.abs(walls_m[:, 0] - x_m) < 4.0] - (x_m, 0.0)
+        kinds = np.full(len(ends_m), HIT, np.uint8)
+        points = ScanPoints(origins_m=np.zeros_like(ends_m), ends_m=ends_m, kinds=kinds)
+        if submaps.add(pose, points):
+            submaps.connect_to_nearest(submaps.within(120.0), 0.6)
+    assert any(edge.loop for edge in submaps.edges) == connected
+
+
 def test_optimizer_keeps_consistent_poses() -> None:
     poses, edges = square(0.0)
     np.testing.assert_allclose(optimize(poses, edges)[:, :2], poses[:, :2], atol=1e-6)
