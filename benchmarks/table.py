@@ -44,6 +44,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "localization_tracking": ("",),
     "navigation": ("",),
     "scaling": ("--check",),
+    "large_map": ("",),
     "navigation_barn": ("--tracker cascade",),
     "navigation_people": ("--scenes 10",),
     "bus": ("",),

@@ -188,6 +188,8 @@ class Navigator:
             return self._fail(stop.reason) if stop.final else self._pause(active, stop.reason)
 
         costmap = self._parts.model.update(cycle)
+        if costmap is None:
+            return self._pause(active, "computing the costs of the whole map")
         self._parts.command_filter.update(cycle, self._parts.model)
         active.recovery.update(cycle, self._parts.model, costmap)
 

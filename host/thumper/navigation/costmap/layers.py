@@ -3,7 +3,7 @@
 Layers: map, keep-out masks, hits of scan and memory; inflation over their union. Each update reads the part
 of the map that has changed since the previous one by its `RenderHistory`. Another map is compared whole, row
 by row. Distances and costs are computed again in the box round the changes, grown by the inflation
-radius.
+radius. All of a new or grown map are computed in slices, in a large one over several cycles.
 """
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
+from thumper.common.resumable import Search, SlicedSearch, bands_of, merged
 from thumper.maps.cell_changes import CellBox, RenderHistory
 from thumper.maps.distance_transform import squared_distances
 from thumper.maps.occupancy_grid import CellArray, OccupancyGrid
@@ -25,6 +26,7 @@ from thumper.navigation.costmap.inflation import INSCRIBED, UNKNOWN, ByteArray
 from thumper.navigation.footprint import Footprint
 
 MAP, KEEPOUT, HIT = 1, 2, 4  # bits of a cell's layers; any of them makes it an obstacle
+BANDS_AT_ONCE = 2  # with up to as many bands, a map of 30 m x 30 m, the costmap is complete in one cycle
 NO_BOX = np.array((np.iinfo(np.int64).max, np.iinfo(np.int64).max, -1, -1))
 
 
@@ -87,7 +89,7 @@ def update_hit_layer(
 
 
 class CostmapLayers:
-    """The costmap of a growing map; `update` returns the same arrays each time, updated in place."""
+    """The costmap of a growing map; `update` returns the same arrays, updated in place, until it grows."""
 
     def __init__(self, footprint: Footprint, options: CostmapOptions) -> None:
         self._footprint = footprint
@@ -101,28 +103,34 @@ class CostmapLayers:
         self._marked: NDArray[np.int64] = np.empty(0, np.int64)
         self._radius = 0
         self._table: ByteArray = np.empty(0, np.uint8)
-        self._costmap = _uninitialised(
+        self._costmap: Costmap | None = None  # complete
+        self._new = _uninitialised(
             OccupancyGrid(cells=self._known, resolution_m=1.0, origin_x_m=0.0, origin_y_m=0.0)
         )
+        self._building = SlicedSearch[Costmap]()
 
     def set_keepout(self, keepout: Masks) -> None:
         """Replace the keep-out masks; the next update closes and opens the cells that differ."""
         self._keepout, self._has_new_keepout = keepout, True
 
-    def update(self, grid: OccupancyGrid, hits_in_map_m: FloatArray) -> Costmap:
+    def update(self, grid: OccupancyGrid, hits_in_map_m: FloatArray) -> Costmap | None:
         """Return the costs that `build_costmap` would; the arrays are valid until the next call.
 
-        `hits_in_map_m` has shape (n, 2) [m].
+        `hits_in_map_m` has shape (n, 2) [m]. A new or grown map takes up to one call per 400,000 cells. Until
+        then returns the costs as they were before it grew; None for a new one.
         """
         geometry = (grid.cells.shape, grid.resolution_m, grid.origin_x_m, grid.origin_y_m)
+        if geometry != self._geometry:
+            self._geometry = geometry
+            self._building.start(merged(self._build(grid), BANDS_AT_ONCE))
+        if self._building.is_running:
+            self._costmap = self._building.advance() or self._costmap
+            if self._building.is_running:
+                return self._costmap
         box = NO_BOX.copy()
         rows, cols = grid.cells.shape
         part = grid.changed_since(self._history) or CellBox(0, 0, rows, cols)
         self._history = grid.history
-        if geometry != self._geometry:
-            self._allocate(grid)
-            self._geometry, part = geometry, CellBox(0, 0, rows, cols)
-            box[:] = 0, 0, rows - 1, cols - 1
         if self._has_new_keepout:
             self._update_keepout(grid, box)
         update_map_layer(grid.cells, self._known, self._layers, self._options.lethal_percent, part, box)
@@ -133,14 +141,29 @@ class CostmapLayers:
             self._recompute(box)
         return self._costmap
 
-    def _allocate(self, grid: OccupancyGrid) -> None:
+    def _build(self, grid: OccupancyGrid) -> Search[Costmap]:
+        """Return the costmap of a map without hits."""
+        self._history = grid.history
         self._known = np.zeros(grid.cells.shape, np.int8)
         self._layers = np.zeros(grid.cells.shape, np.uint8)
-        self._has_new_keepout = True
         self._marked = np.empty(0, np.int64)
         self._radius = inflation_radius_cells(self._footprint, self._options, grid.resolution_m)
         self._table = inflation_table(self._footprint, self._options, grid.resolution_m)
-        self._costmap = _uninitialised(grid)
+        self._new = _uninitialised(grid)
+        self._update_keepout(grid, NO_BOX.copy())
+        rows, cols = grid.cells.shape
+        read = 0
+        for number, band in enumerate(bands_of(grid.cells.shape)):
+            if number:
+                yield
+            # Obstacles up to two radii below the band, as in `_recompute`, affect its cells.
+            part = CellBox(read, 0, min(rows, band.stop + 2 * self._radius), cols)
+            update_map_layer(
+                grid.cells, self._known, self._layers, self._options.lethal_percent, part, NO_BOX.copy()
+            )
+            read = part.bottom
+            self._recompute(np.array((band.start, 0, band.stop - 1, cols - 1)))
+        return self._new
 
     def _update_keepout(self, grid: OccupancyGrid, box: NDArray[np.int64]) -> None:
         """Set the KEEPOUT bit by the masks; grow `box` round the cells that changed."""
@@ -170,10 +193,10 @@ class CostmapLayers:
         outer = self._layers[outer_top : bottom + radius, outer_left : right + radius] != 0
         squared = squared_distances(outer, radius)
         inner = squared[top - outer_top : bottom - outer_top, left - outer_left : right - outer_left]
-        self._costmap.squared_cells[top:bottom, left:right] = inner
+        self._new.squared_cells[top:bottom, left:right] = inner
         costs: ByteArray = self._table[inner]
         costs[(self._known[top:bottom, left:right] < 0) & (costs < INSCRIBED)] = UNKNOWN
-        self._costmap.costs[top:bottom, left:right] = costs
+        self._new.costs[top:bottom, left:right] = costs
 
 
 def _uninitialised(grid: OccupancyGrid) -> Costmap:

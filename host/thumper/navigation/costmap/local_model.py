@@ -75,8 +75,8 @@ class LocalModel:
         self._keepout = keepout
         self._layers.set_keepout(keepout)
 
-    def update(self, cycle: CycleInput) -> Costmap:
-        """Process a cycle's map and hits; return the costmap for planning."""
+    def update(self, cycle: CycleInput) -> Costmap | None:
+        """Process a cycle's map and hits; return the costmap for planning, None until it is complete."""
         self._follow_map(cycle)
         time_s, base, scan_pose = cycle.time_s, cycle.map_from_base, cycle.scan_pose
         hits_m = cycle.hits_in_map_m[np.isfinite(cycle.hits_in_map_m).all(axis=1)]

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from thumper.common.geometry import FloatArray
 from thumper.maps.distance_transform import squared_distances
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap import layers as layers_module
@@ -18,6 +19,7 @@ from thumper.navigation.costmap.layers import CostmapLayers
 from thumper.navigation.footprint import Footprint
 from thumper_hil.kinematic.maps import ROS_FOOTPRINT, read_pgm
 
+NO_HITS = np.empty((0, 2))
 VALUES = np.array((-1, 0, 0, 0, 0, 0, 30, 59, 60, 100), np.int8)
 
 
@@ -28,6 +30,13 @@ def grid_of(cells: np.typing.NDArray[np.int8], x_m: float = 8.0) -> OccupancyGri
 def assert_same(ours: Costmap, rebuilt: Costmap) -> None:
     assert np.array_equal(ours.costs, rebuilt.costs)
     assert np.array_equal(ours.squared_cells, rebuilt.squared_cells)
+
+
+def updated(layers: CostmapLayers, grid: OccupancyGrid, hits_m: FloatArray = NO_HITS) -> Costmap:
+    """Return the complete costmap of an update."""
+    costmap = layers.update(grid, hits_m)
+    assert costmap is not None
+    return costmap
 
 
 @settings(max_examples=25, deadline=None)
@@ -53,7 +62,27 @@ def test_updates_equal_a_full_rebuild(seed: int) -> None:
             keepout = tuple(mask for mask in masks if rng.random() < 0.5)
             kept.set_keepout(keepout)
         grid = grid_of(cells, x_m)
-        assert_same(kept.update(grid, hits_m), build_costmap(grid, hits_m, footprint, options, keepout))
+        assert_same(updated(kept, grid, hits_m), build_costmap(grid, hits_m, footprint, options, keepout))
+
+
+def test_a_large_map_is_computed_over_several_cycles() -> None:
+    rng, footprint, options = np.random.default_rng(3), Footprint(), CostmapOptions()
+    kept = CostmapLayers(footprint, options)
+    cells = rng.choice(np.array((-1, 0, 0, 0, 100), np.int8), (1200, 900))
+    grid = grid_of(cells)
+    calls = 0
+    while kept.update(grid, NO_HITS) is None:
+        calls += 1
+    assert calls == 2  # three slices of two bands of 200,000 cells
+    assert_same(updated(kept, grid), build_costmap(grid, NO_HITS, footprint, options))
+
+    grown = grid_of(np.pad(cells, ((0, 0), (0, 200)), constant_values=-1))
+    before = kept.update(grown, NO_HITS)
+    assert before is not None
+    assert before.costs.shape == cells.shape  # what is known goes on to be used
+    for _ in range(3):
+        now = updated(kept, grown)
+    assert_same(now, build_costmap(grown, NO_HITS, footprint, options))
 
 
 def test_updates_keep_ros_inflation(nav_data: Path) -> None:
@@ -62,11 +91,11 @@ def test_updates_keep_ros_inflation(nav_data: Path) -> None:
     theirs = read_pgm(nav_data / "oracle" / "inflation_ros_120.pgm")
     kept = CostmapLayers(ROS_FOOTPRINT, CostmapOptions(inflation_radius_m=0.55, decay_per_m=10.0))
     cells = np.zeros((120, 120), np.int8)
-    costs = kept.update(grid_of(cells), np.empty((0, 2))).costs
+    costs = updated(kept, grid_of(cells)).costs
     for rows in np.array_split(np.arange(120), 8):
         cells = cells.copy()
         cells[rows] = np.where(lethal[rows], 100, 0)
-        costs = kept.update(grid_of(cells), np.empty((0, 2))).costs
+        costs = updated(kept, grid_of(cells)).costs
     assert (costs != theirs).sum() == 5
 
 

@@ -59,6 +59,7 @@ def test_mixed_pixels_do_not_close_the_way_for_the_planner() -> None:
         air_m = np.array(((range_m, 0.025 * range_m),))
         costmap = model.update(cycle(0.1 * k, Pose2(), np.vstack((leg_m, air_m)), Pose2()))
         assert model.obstacles.seen > len(leg_m)  # the collision monitor takes every point seriously
+    assert costmap is not None
     rows, cols = costmap.cells_of(np.array(((1.0, 0.0), (1.8, 0.05))))
     assert (costmap.costs[rows, cols] == 254).tolist() == [True, False]
     assert costmap.costs[rows[1], cols[1]] < 253
