@@ -1,5 +1,6 @@
 """`thumper teleop`: drive a running robot manually with keyboard or gamepad."""
 
+import shutil
 import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Annotated, Any
@@ -47,7 +48,7 @@ def teleop(
     latest: dict[str, str] = {}
     with ExitStack() as stack:
         client = stack.enter_context(connect(config, bus, robot))
-        client.subscribe("status", lambda message: latest.update(status=_status_text(message)))
+        client.subscribe("status", lambda message: latest.update(status=status_text(message)))
         client.subscribe("events", lambda message: latest.update(event=message.msg))
         pad = _gamepad(stack) if gamepad else None
         terminal = stack.enter_context(raw_terminal())
@@ -90,14 +91,15 @@ def _drive(
                 last_event = event
             device = pad.name if pad and pad.name else "keyboard"
             twist = loop.twist
-            status = latest.get("status", "")
-            print(
-                f"\r\033[K{device}: {twist.v_m_s:+.2f} m/s {twist.w_rad_s:+.2f} rad/s | {status}",
-                end="",
-                flush=True,
-            )
+            line = f"{device}: {twist.v_m_s:+.2f} m/s {twist.w_rad_s:+.2f} rad/s | {latest.get('status', '')}"
+            print(one_row(line), end="", flush=True)
         due_s = max(due_s + period_s, now_s)  # do not catch up on missed cycles
         time.sleep(max(0.0, due_s - now_s))
+
+
+def one_row(line: str) -> str:
+    """Return the text that overwrites the terminal's row; a longer line would scroll it at 5 Hz."""
+    return f"\r\033[K{line[: shutil.get_terminal_size().columns - 1]}"
 
 
 def _gamepad(stack: ExitStack) -> "Gamepad | None":
@@ -113,7 +115,10 @@ def _gamepad(stack: ExitStack) -> "Gamepad | None":
     return pad
 
 
-def _status_text(message: Any) -> str:
-    fault = f", {message.fault_words}: {message.fault_cure}" if message.fault else ""
-    reason = f" ({message.reason})" if message.reason else ""
-    return f"{message.robot}: {message.mode}, {message.board_state}{reason}{fault}"
+def status_text(message: Any) -> str:
+    """Return the robot's state, and why it is in it."""
+    if message.fault:  # the fix repeats the reason
+        detail = f": {message.fault_words}: {message.fault_cure}"
+    else:
+        detail = f" ({message.reason})" if message.reason else ""
+    return f"{message.robot}: {message.mode}, {message.board_state}{detail}"
