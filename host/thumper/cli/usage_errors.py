@@ -27,14 +27,15 @@ def usage_text(error: Any) -> str:
 
 
 def _name_the_value(error: Any) -> None:
-    """Turn pydantic's "Input should be a valid number, unable to ..." into "'a' should be a valid number"."""
+    """Turn pydantic's "Input should be a valid number, unable to ..." into "'a' must be a valid number"."""
     cause = error.__cause__
     if hasattr(cause, "errors"):
         first = cause.errors(include_url=False)[0]
         if first["type"] == "value_error":  # of Typer: "'a' is not one of 'b', 'c'."
             error.message = str(first["ctx"]["error"])
         else:
-            error.message = f"{first['input']!r} {first['msg'].removeprefix('Input ').partition(',')[0]}"
+            rule = first["msg"].replace("Input should", "must").partition(",")[0]
+            error.message = f"{first['input']!r} {rule}"
 
 
 def no_such_option(context: Any, word: str) -> str:

@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import is_dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -11,7 +12,7 @@ from typing import Any, TypeVar, cast, get_type_hints
 from pydantic import TypeAdapter, ValidationError
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.common.texts import choice_hint
+from thumper.common.texts import choice_hint, close_names
 from thumper.common.toml_file import load_toml
 
 T = TypeVar("T")
@@ -55,11 +56,12 @@ def read_checked(
         data = load_toml(path)
     except OSError as error:
         raise ThumperError(
-            f"{path}: cannot read the {what}: {error.strerror}", exit_code=EXIT_USAGE
+            f"{path}: cannot read the {what} ({error.strerror}); check the path", exit_code=EXIT_USAGE
         ) from error
     except ValueError as error:
-        raise ThumperError(f"{path}: not valid TOML: {error}", exit_code=EXIT_USAGE) from error
-    _check_keys(data, options_type, path, "", removed)
+        problem, line = _problem_and_line(error)
+        raise ThumperError(f"{path}{line}: not valid TOML: {problem}", exit_code=EXIT_USAGE) from error
+    _check_keys(data, options_type, path, "", removed, list(_key_paths(options_type)))
     try:
         # Through JSON, because strict mode accepts a table for a dataclass only there.
         return adapter.validate_json(json.dumps(with_new_names(data, renamed), default=str), strict=True)
@@ -69,16 +71,48 @@ def read_checked(
         # Do not print a whole table: it may hold a secret.
         is_table = first["type"] == "missing" or isinstance(first["input"], dict)
         setting = key if is_table else f"{key} = {first['input']!r}"
-        reason = first["msg"].removeprefix("Value error, ")
+        reason = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
         raise ThumperError(f"{path}: {setting}: {reason}", exit_code=EXIT_USAGE) from error
 
 
+def _problem_and_line(error: ValueError) -> tuple[str, str]:
+    """Return what tomllib says, and the line as `:LINE`, empty if it says none."""
+    text = str(error)
+    place = re.search(r" \(at line (\d+), column \d+\)$", text)
+    problem = text[: place.start()] if place else text
+    return problem[:1].lower() + problem[1:], f":{place[1]}" if place else ""
+
+
+def _key_paths(options_type: type, prefix: str = "") -> Iterator[str]:
+    """Yield the full path of every key of the options."""
+    for key, kind in get_type_hints(options_type).items():
+        if key != STATED:
+            yield f"{prefix}{key}"
+        if is_dataclass(kind):
+            yield from _key_paths(cast("type", kind), f"{prefix}{key}.")
+
+
+def _key_hint(path: str, here: list[str], key_paths: Collection[str]) -> str:
+    """Return the fix for an unknown key: the same key in a table below or elsewhere, or one of this table."""
+    table, _, key = path.rpartition(".")
+    same = [known for known in key_paths if known.endswith(f".{key}")]
+    below = [known for known in same if known.startswith(f"{table}.")]
+    if below or (same and not close_names(key, here)):
+        return f"did you mean {' or '.join((below or same)[:2])}?"
+    return choice_hint(key, here)
+
+
 def _check_keys(
-    table: dict[str, Any], options_type: type, path: Path, prefix: str, removed: Mapping[str, str]
+    table: dict[str, Any],
+    options_type: type,
+    path: Path,
+    prefix: str,
+    removed: Mapping[str, str],
+    key_paths: Collection[str],
 ) -> None:
     """Raise for the first unknown key: pydantic ignores unknown keys of plain dataclasses.
 
-    Add the keys of a table that wants to know them as its value `stated`.
+    Add the keys of a table that wants to know them as its value `stated`. `key_paths` are those of the file.
     """
     types = get_type_hints(options_type)
     wants_keys = types.pop(STATED, None) is not None
@@ -86,10 +120,10 @@ def _check_keys(
         if key not in types:
             if reason := removed.get(f"{prefix}{key}"):
                 raise ThumperError(f"{path}: {prefix}{key} was removed: it {reason}", exit_code=EXIT_USAGE)
-            hint = choice_hint(key, sorted(types))
+            hint = _key_hint(f"{prefix}{key}", sorted(types), key_paths)
             raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=EXIT_USAGE)
         if isinstance(value, dict) and is_dataclass(types[key]):
-            _check_keys(value, cast("type", types[key]), path, f"{prefix}{key}.", removed)
+            _check_keys(value, cast("type", types[key]), path, f"{prefix}{key}.", removed, key_paths)
         elif isinstance(value, float) and not math.isfinite(value):
             raise ThumperError(f"{path}: {prefix}{key} = {value}: give a finite number", exit_code=EXIT_USAGE)
     if wants_keys:

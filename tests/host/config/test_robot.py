@@ -92,12 +92,12 @@ def test_masks_are_relative_to_the_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("[drive]\nwheel_radius_m = -0.06\n", ["drive.wheel_radius_m", "-0.06", "greater than 0"]),
+        ("[drive]\nwheel_radius_m = -0.06\n", ["drive.wheel_radius_m", "-0.06", "must be greater than 0"]),
         ('[drive]\nwheel_radius_m = "6 cm"\n', ["drive.wheel_radius_m", "6 cm", "valid number"]),
         ("[board]\nbaud = 115200\n", ["board.baud", "115200", "500000"]),
         ("[drive]\nwheel_radius = 0.06\n", ["drive.wheel_radius", "wheel_radius_m"]),
         ("[drives]\n", ["drives", "drive"]),
-        ('[drive]\nstated = ["track_m"]\n', ["unknown key drive.stated"]),
+        ('[drive]\nstated = ["track_m"]\n', ["unknown key drive.stated; choose from"]),
         ("[mapping.matching]\nspeed = 1\n", ["mapping.matching.speed"]),
         ("board = 3\n", ["board", "3"]),
         ('[navigation]\nplanner = "warp"\n', ["navigation", "no planner 'warp'", "astar"]),
@@ -111,7 +111,13 @@ def test_masks_are_relative_to_the_file(tmp_path: Path) -> None:
             ["camera: distortion needs 5 numbers", "4 are given"],
         ),
         (f"[camera]\ndistortion = {8 * [0.1]}\n", ["camera: distortion needs 5 numbers", "8 are given"]),
-        ("[board\n", ["not valid TOML", "line 1"]),
+        ("\n[board\n", ["robot.toml:2: not valid TOML: expected ']'"]),
+        ('[bus]\ntoken = """', ["robot.toml: not valid TOML: unterminated"]),
+        ("[navigation]\nv_max_m_s = 0.3\n", ["key navigation.v_max_m_s; did you mean navigation.limits.v_m"]),
+        (
+            "[drive]\npatience_s = 0.3\n",
+            ["unknown key drive.patience_s; did you mean navigation.patience_s?"],
+        ),
     ],
 )
 def test_errors_name_file_and_key(tmp_path: Path, text: str, named: list[str]) -> None:
@@ -145,5 +151,5 @@ def test_a_removed_table_is_refused_with_the_fix(tmp_path: Path, monkeypatch: py
 
 
 def test_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(ThumperError, match=r"none\.toml.*No such file"):
+    with pytest.raises(ThumperError, match=r"none\.toml: cannot read .*\(No such file.*\); check the path"):
         load_config(tmp_path / "none.toml")
