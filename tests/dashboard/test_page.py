@@ -48,6 +48,12 @@ def test_fault_is_shown_with_its_fix(page: Page, robot: FakeRobot) -> None:
     expect(page.locator(".tp-battery")).to_have_css("background-color", "rgb(207, 34, 46)")
 
 
+def test_empty_log_says_so(page: Page) -> None:
+    page.click(".tp-tab-log")
+    text = "getComputedStyle(document.querySelector('.tp-log'), '::before').content"
+    page.wait_for_function(f"{text} === '\"No events yet.\"'")
+
+
 def test_log_has_lines_from_before_its_tab_opened(page: Page, robot: FakeRobot) -> None:
     robot.event("a wheel slips")
     robot.fault_words = robot.fault_cure = "stall left"
@@ -116,7 +122,7 @@ def test_charts_freeze_and_export_csv(page: Page) -> None:
 
 
 def test_manual_driving_has_no_setpoint(page: Page, robot: FakeRobot) -> None:
-    setpoint = page.locator(".tp-charthead span", has_text="setpoint").locator("output").first
+    setpoint = page.locator(".tp-charthead span", has_text="set-point").locator("output").first
     speed = page.locator(".tp-charthead span", has_text="speed").locator("output").first
     expect(setpoint).to_have_text(NUMBER)
     robot.state = State.MANUAL

@@ -38,7 +38,7 @@ class SimulatorPanel:
                 ui.html("Remove all pillars", tag="span", sanitize=False)
         inline(
             '<p class="tp-hint">Another world: start the robot with '
-            "<code>thumper run --ui --board 'sim://?world=hall'</code>.</p>"
+            "<code>--board 'sim://?world=hall'</code>.</p>"
         )
         inline("<h2>Faults</h2>")
         with box("tp-faultrow"):

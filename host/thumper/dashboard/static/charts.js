@@ -15,7 +15,7 @@ const COLUMNS = [
   ]),
 ];
 // `scale`: the columns of both sides, which have one y axis so that they can be compared
-const SPEED = { names: ["setpoint", "speed"], colours: ["setpoint", "speed"], minTop: 2, digits: 2, scale: [1, 2, 6, 7] };
+const SPEED = { names: ["set-point", "speed"], colours: ["setpoint", "speed"], minTop: 2, digits: 2, scale: [1, 2, 6, 7] };
 const PWM = { names: ["PWM", "integral"], colours: ["pwm", "integral"], minTop: 40, digits: 0, scale: [3, 4, 8, 9] };
 const PLOTS = [
   { title: "Left · rad/s", columns: [1, 2], ...SPEED },
