@@ -26,7 +26,9 @@ def recover(
     if not paths:
         print("nothing to repair")
     if not repair_all(paths, print):
-        raise ThumperError("not every file could be repaired; the others are unchanged", exit_code=EXIT_USAGE)
+        raise ThumperError(
+            "not every file could be repaired; those named above are unchanged", exit_code=EXIT_USAGE
+        )
 
 
 def export(

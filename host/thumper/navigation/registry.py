@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.texts import choice_hint
 from thumper.navigation.controllers.controller import Controller
 from thumper.navigation.controllers.dwa import DwaController, TrajectoryRolloutController
 from thumper.navigation.controllers.mppi import MppiController
@@ -41,7 +42,7 @@ def check_names(options: NavigationOptions) -> None:
     ):
         if name not in known:
             raise ThumperError(
-                f"no {kind} '{name}': choose one of {', '.join(sorted(known))}", exit_code=EXIT_USAGE
+                f"unknown {kind} {name!r}; {choice_hint(name, sorted(known))}", exit_code=EXIT_USAGE
             )
 
 

@@ -50,7 +50,8 @@ class Recording:
         """Check the files. Raises ThumperError if one cannot be read, is not MCAP or of another run."""
         if not paths:
             raise ThumperError(
-                "no recording given; pass .mcap files, or a folder with some", exit_code=EXIT_USAGE
+                "no recording (.mcap) in the folder; pass .mcap files, or a folder of them",
+                exit_code=EXIT_USAGE,
             )
         self.paths = paths
         self.notes: list[str] = []  # one line per unreadable part; filled while reading

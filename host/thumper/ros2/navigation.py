@@ -12,6 +12,7 @@ from thumper.bus.client import BusClient
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.stamps import NS_PER_S
+from thumper.common.texts import choice_hint
 from thumper.config.robot import RobotConfig
 from thumper.maps.annotations import annotations_of
 from thumper.navigation.costmap.filters import CostmapFilters, load_masks
@@ -177,7 +178,7 @@ class NavigationActions:
         name = request.planner_id or options.planner
         newest, pose = self._newest_map(), self._pose
         if name not in PLANNERS:
-            return none, INVALID_PLANNER, f"no planner {name!r}: choose one of {', '.join(sorted(PLANNERS))}"
+            return none, INVALID_PLANNER, f"unknown planner {name!r}; {choice_hint(name, sorted(PLANNERS))}"
         if newest is None or (pose is None and not request.use_start):
             return none, TF_ERROR, "the robot has no map or no pose yet"
         start = _in_map(request.start) if request.use_start or pose is None else pose_of(pose.pose.pose)

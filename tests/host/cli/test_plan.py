@@ -76,7 +76,7 @@ def test_batch(room: Path, tmp_path: Path, rows: str, lengths: list[float]) -> N
         ((), "nothing to plan"),
         (("--start", "nan", 1, "--goal", 3, 1), "finite"),
         (("--start", 0, 1, "--goal", 1e300, 0.5), "the goal (1e+300, 0.5) is farther than 1000 m"),
-        (("--start", 0, 1, "--goal", 3, 1, "--planner", "x"), "no planner 'x': choose one of astar"),
+        (("--start", 0, 1, "--goal", 3, 1, "--planner", "x"), "unknown planner 'x'; choose from: astar"),
         (("--batch", "gone.csv"), "cannot be read"),
         (("--batch", "gone.csv", "--start", 0, 1), "leave"),
     ],

@@ -84,9 +84,9 @@ def test_internal_error_stops_with_a_reason() -> None:
 
 
 def test_unknown_names_are_rejected_at_start() -> None:
-    with pytest.raises(ThumperError, match="no planner 'warp': choose one of astar"):
+    with pytest.raises(ThumperError, match="unknown planner 'warp'; choose from: astar"):
         Navigator(NavigationOptions(planner="warp"), Footprint())
-    with pytest.raises(ThumperError, match="no controller 'warp': choose one of cascade, dwa"):
+    with pytest.raises(ThumperError, match="unknown controller 'warp'; choose from: cascade, dwa"):
         Navigator(NavigationOptions(controller="warp"), Footprint())
 
 

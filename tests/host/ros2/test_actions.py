@@ -178,7 +178,7 @@ def test_path_is_computed_without_driving(live: Live) -> None:
         client.send(Cdr().pose(0.6, 0.05).pose(1.5, 0.08).text("none").add("?", True))
     )
     assert status == ABORTED
-    assert b"no planner 'none'" in raw
+    assert b"unknown planner 'none'" in raw
     far = Cdr().pose(1e9, 0.05).pose(1.5, 0.08).text("carrot").add("?", True)
     status, raw = client.result(client.send(far))
     assert status == ABORTED
