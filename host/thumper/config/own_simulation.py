@@ -19,7 +19,7 @@ def own_simulation(board: str, lidar: str, lidar_model: str) -> tuple[str, str]:
     """
     rest = board.removeprefix(SIMULATION)
     if not board.startswith(SIMULATION) or (rest and not rest.startswith("?")):
-        return board, lidar  # a named simulation has its lidar at sim://NAME/lidar
+        return board, lidar
     if lidar:
         raise ThumperError(f"{board} has its own lidar; leave out {lidar}", exit_code=EXIT_USAGE)
     options = parse_qsl(rest.removeprefix("?"), keep_blank_values=True)

@@ -216,7 +216,7 @@ def config_from_json(text: str) -> RobotConfig:
 def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
     """Return the same robot on other ports; an empty port stays as configured.
 
-    A simulated board brings the other sensors with it; the board `sim://` the lidar, too.
+    A simulated board brings all sensors with it.
 
     Raises
     ------
@@ -224,7 +224,7 @@ def with_ports(config: RobotConfig, *, board: str, lidar: str) -> RobotConfig:
         The ports belong to two simulated robots.
     """
     board, lidar = own_simulation(board or config.board.port, lidar, config.lidar.model)
-    lidar = lidar or config.lidar.port
+    lidar = lidar or _beside(board, "lidar", config.lidar).port
     check_same_robot(board, lidar)
     return replace(
         config,

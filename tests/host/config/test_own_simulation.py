@@ -30,3 +30,9 @@ def test_short_form_refuses_another_lidar() -> None:
 def test_full_ports_stay_as_they_are() -> None:
     config = with_ports(RobotConfig(), board="sim://a/board?world=hall", lidar="sim://a/lidar")
     assert (config.board.port, config.lidar.port) == ("sim://a/board?world=hall", "sim://a/lidar")
+
+
+def test_a_named_board_brings_its_lidar_as_the_other_sensors() -> None:
+    config = with_ports(RobotConfig(), board="sim://a/board?world=hall", lidar="")
+    assert (config.lidar.port, config.camera.port) == ("sim://a/lidar", "sim://a/camera")
+    assert with_ports(RobotConfig(), board="/dev/ttyUSB3", lidar="").lidar.port == "/dev/ttyACM0"
