@@ -17,6 +17,7 @@ REACH_M = 1.2  # of the map around the robot: more than its way to a stop
 FRACTIONS = (1.0, 0.5, 0.25)  # of the speed, tried in turn
 OCCUPIED_PERCENT = 0.65 * OCCUPIED  # as map_server's default
 EDGE_RAD = 0.05
+NEAR = "slowed; an obstacle is near"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,7 +55,8 @@ class AssistedTeleop:
         for candidate in candidates:
             stop = self._monitor.stop_reason(candidate, state.twist, points_m, error_m, USUAL_PERIOD_S)
             if stop is None:
-                return AssistedCommand(twist=candidate, reason=reason and f"slowed; {reason}")
+                near = "" if slow == twist else NEAR
+                return AssistedCommand(twist=candidate, reason=f"slowed; {reason}" if reason else near)
             reason = reason or stop
         return AssistedCommand(twist=Twist2(), reason=reason)
 

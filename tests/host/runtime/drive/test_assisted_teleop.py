@@ -80,6 +80,13 @@ def test_a_hit_before_the_robot_stops_it(pose: Pose2) -> None:
     assert "0.22 m ahead" in command.reason
 
 
+def test_a_robot_that_only_slows_down_says_so() -> None:
+    command = limit(AHEAD, hits_m=np.array(((0.30, 0.0),)))
+    assert 0.0 < command.twist.v_m_s < AHEAD.v_m_s
+    assert command.reason == "slowed; an obstacle is near"
+    assert limit(AHEAD, hits_m=np.array(((3.0, 2.0),))) == AssistedCommand(twist=AHEAD)
+
+
 def test_a_hit_farther_ahead_slows_the_robot_and_says_so() -> None:
     """At full speed the way to a stop reaches the hit, at part of it not."""
     command = limit(Twist2(v_m_s=0.8), hits_m=np.array(((0.30, 0.0),)))
