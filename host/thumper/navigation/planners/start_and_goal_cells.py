@@ -67,7 +67,7 @@ def find_ends(
     if not (0 <= goal_row < rows and 0 <= goal_col < cols):
         return f"the goal {goal} is outside the map"
     if not (0 <= start_row < rows and 0 <= start_col < cols):
-        return "the robot is outside the map"
+        return "the start of the path is outside the map"
     start = nearest_passable(cells, int(start_row), int(start_col), escape_radius_m / resolution_m)
     if start is None:
         return f"the robot is inside an obstacle: no free cell within {escape_radius_m} m"
