@@ -103,10 +103,7 @@ class CostmapLayers:
         self._marked: NDArray[np.int64] = np.empty(0, np.int64)
         self._radius = 0
         self._table: ByteArray = np.empty(0, np.uint8)
-        self._costmap: Costmap | None = None  # complete
-        self._new = _uninitialised(
-            OccupancyGrid(cells=self._known, resolution_m=1.0, origin_x_m=0.0, origin_y_m=0.0)
-        )
+        self._costmap: Costmap | None = None
         self._building = SlicedSearch[Costmap]()
 
     def set_keepout(self, keepout: Masks) -> None:
@@ -125,8 +122,8 @@ class CostmapLayers:
             self._building.start(merged(self._build(grid), BANDS_AT_ONCE))
         if self._building.is_running:
             self._costmap = self._building.advance() or self._costmap
-            if self._building.is_running:
-                return self._costmap
+        if self._costmap is None or self._building.is_running:
+            return self._costmap
         box = NO_BOX.copy()
         rows, cols = grid.cells.shape
         part = grid.changed_since(self._history) or CellBox(0, 0, rows, cols)
@@ -138,7 +135,7 @@ class CostmapLayers:
         update_hit_layer(hits, self._marked, self._layers, box)
         self._marked = hits
         if box[2] >= 0:
-            self._recompute(box)
+            self._recompute(self._costmap, box)
         return self._costmap
 
     def _build(self, grid: OccupancyGrid) -> Search[Costmap]:
@@ -149,7 +146,7 @@ class CostmapLayers:
         self._marked = np.empty(0, np.int64)
         self._radius = inflation_radius_cells(self._footprint, self._options, grid.resolution_m)
         self._table = inflation_table(self._footprint, self._options, grid.resolution_m)
-        self._new = _uninitialised(grid)
+        costmap = _uninitialised(grid)
         self._update_keepout(grid, NO_BOX.copy())
         rows, cols = grid.cells.shape
         read = 0
@@ -162,8 +159,8 @@ class CostmapLayers:
                 grid.cells, self._known, self._layers, self._options.lethal_percent, part, NO_BOX.copy()
             )
             read = part.bottom
-            self._recompute(np.array((band.start, 0, band.stop - 1, cols - 1)))
-        return self._new
+            self._recompute(costmap, np.array((band.start, 0, band.stop - 1, cols - 1)))
+        return costmap
 
     def _update_keepout(self, grid: OccupancyGrid, box: NDArray[np.int64]) -> None:
         """Set the KEEPOUT bit by the masks; grow `box` round the cells that changed."""
@@ -183,7 +180,7 @@ class CostmapLayers:
         inside = (cells >= 0).all(axis=1) & (cells[:, 0] < cols) & (cells[:, 1] < rows)
         return np.unique(cells[inside, 1] * cols + cells[inside, 0])
 
-    def _recompute(self, box: NDArray[np.int64]) -> None:
+    def _recompute(self, costmap: Costmap, box: NDArray[np.int64]) -> None:
         """Compute distances and costs within the inflation radius of the changed box."""
         (rows, cols), radius = self._layers.shape, self._radius
         top, left = max(0, int(box[0]) - radius), max(0, int(box[1]) - radius)
@@ -193,10 +190,10 @@ class CostmapLayers:
         outer = self._layers[outer_top : bottom + radius, outer_left : right + radius] != 0
         squared = squared_distances(outer, radius)
         inner = squared[top - outer_top : bottom - outer_top, left - outer_left : right - outer_left]
-        self._new.squared_cells[top:bottom, left:right] = inner
+        costmap.squared_cells[top:bottom, left:right] = inner
         costs: ByteArray = self._table[inner]
         costs[(self._known[top:bottom, left:right] < 0) & (costs < INSCRIBED)] = UNKNOWN
-        self._new.costs[top:bottom, left:right] = costs
+        costmap.costs[top:bottom, left:right] = costs
 
 
 def _uninitialised(grid: OccupancyGrid) -> Costmap:
