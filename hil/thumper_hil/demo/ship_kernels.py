@@ -20,7 +20,7 @@ from thumper.common.numba_kernel import SHIP_VARIABLE
 from thumper.config.robot import RobotConfig
 from thumper.navigation.registry import CONTROLLERS, PLANNERS
 from thumper.navigation.warm_up import warm_up as warm_up_navigation
-from thumper.runtime.assembly import robot_mapper, warm_up
+from thumper.runtime.assembly import robot_mapper
 from thumper.slam.factory import Method
 from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.run import drive_mission
@@ -49,7 +49,6 @@ def ship_kernels(console: Console) -> int:
         for controller in CONTROLLERS:
             warm_up_navigation(replace(options, controller=controller, tracker=""), config.footprint)
         compiled = mappers.result()
-        warm_up(config)
         for mission in MISSIONS:
             drive_mission(mission, seed=0, realtime=False, console=Console(quiet=True))
     return progress.count + compiled

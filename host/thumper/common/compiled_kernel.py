@@ -113,27 +113,25 @@ class KernelCache(FunctionCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write the compiled function, if there is room."""
         self._cache_file = self._written
-        with suppress(OSError):
-            if not self._is_shipping:
-                super().save_overload(sig, data)  # type: ignore[no-untyped-call]
-                return
-            folder = Path(self._cache_file._cache_path)
-            folder.mkdir(parents=True, exist_ok=True)
-            with _only_writer(folder):
-                super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+        with suppress(OSError), self._only_writer():
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
 
+    @contextmanager
+    def _only_writer(self) -> Iterator[None]:
+        """Wait for other processes that ship kernels: each writes an index of all that it knows."""
+        if not self._is_shipping:
+            yield
+            return
+        import fcntl  # kernels are shipped on Linux only
 
-@contextmanager
-def _only_writer(folder: Path) -> Iterator[None]:
-    """Wait for other writers: each writes an index of all that it knows, which would lose what they added."""
-    import fcntl  # kernels are shipped on Linux only
-
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
+        folder = Path(self._cache_file._cache_path)
+        folder.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(descriptor)
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
