@@ -91,7 +91,7 @@ class LoopSearch:
         if new < RECENT_SUBMAPS or new <= self._newest_searched:
             return
         self._newest_searched = new
-        reachable = self.reachable(new, set(range(new)) - near.keys(), REACHABLE_MARGIN_M)
+        reachable = self._reachable(new, set(range(new)) - near.keys())
         if not reachable:
             self._waiting = []
             return
@@ -106,16 +106,16 @@ class LoopSearch:
             ),
         )
 
-    def reachable(self, new: int, old: set[int], margin_m: float) -> list[tuple[float, int]]:
+    def _reachable(self, new: int, old: set[int]) -> list[tuple[float, int]]:
         """Return which of the old submaps may be where the new one is, with their distances [m].
 
         The distance driven since bounds the drift, whatever loops were closed in between.
         """
         submaps, chosen = self._submaps, np.array(sorted(old), dtype=np.int64)
-        driven_m = np.abs(submaps.started_at_m(chosen) - submaps.started_at_m(np.array([new])))
+        driven_m = submaps.path_lengths_m(chosen, new)
         x_m, y_m = (submaps.poses[chosen, :2] - submaps.poses[new, :2]).T
         distance_m = np.hypot(x_m, y_m)
-        found = distance_m < self._window_m(driven_m) + margin_m
+        found = distance_m < self._window_m(driven_m) + REACHABLE_MARGIN_M
         return list(zip(distance_m[found].tolist(), chosen[found].tolist(), strict=True))
 
     def run_part(self) -> bool:

@@ -82,13 +82,13 @@ class SubmapGraph:
         """Return `map_from_submap`."""
         return _pose(self.poses[submap])
 
-    def started_at_m(self, submaps: NDArray[np.int64]) -> FloatArray:
-        """Return the distance driven before each submap [m]."""
-        return np.array(self._started_at_m)[submaps]
-
     def path_length_m(self, first: int, second: int) -> float:
         """Return the distance driven between two submaps [m]."""
         return abs(self._started_at_m[first] - self._started_at_m[second])
+
+    def path_lengths_m(self, submaps: NDArray[np.int64], last: int) -> FloatArray:
+        """Return the distance driven between each of the submaps and the last one [m]."""
+        return np.abs(np.array(self._started_at_m)[submaps] - self._started_at_m[last])
 
     def add(self, map_from_base: Pose2, points: ScanPoints | None) -> bool:
         """Add a scan's pose, and its beams if it was inserted; return whether a new submap has started."""
