@@ -61,12 +61,10 @@ def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: b
     yield from _computer()
     yield from _ports()
     yield from check_set_up(KNOWN_USB)
-    lidar_checks: Iterator[Check] = iter(())
-    shared = shared_port(settings) if board or config else ""
-    if lidar or config or settings.lidar.port.startswith("sim:"):  # the board `sim://` brings its lidar
-        lidar_checks = check_lidar(settings.lidar, seconds=seconds)
-    sensor_checks: Iterator[Check] = chain(lidar_checks, check_sensors(settings, seconds=seconds))
-    if shared:  # a board must not get what a lidar is asked
+    sensor_checks = check_sensors(settings, seconds=seconds)
+    if lidar or config or settings.lidar.port.startswith("sim:"):  # a simulated board brings its lidar
+        sensor_checks = chain(check_lidar(settings.lidar, seconds=seconds), sensor_checks)
+    if (board or config) and (shared := shared_port(settings)):  # a board must not get what a lidar is asked
         sensor_checks = iter([Check(verdict="fail", what="one port, two devices", fix=shared)])
     if board or config:
         yield from check_board(
