@@ -233,13 +233,13 @@ class Publisher:
     def _publish_losses(self, inputs: SensorInputs, state: RobotState, drive_manager: DriveManager) -> None:
         """Say when a sensor falls silent and when it sends again, and why a drive waits."""
         for feed in inputs.feeds:
-            name = feed.kind.name
-            if feed.is_silent(state.time_s) and name not in self._silent:
+            name, is_silent = feed.kind.name, feed.is_silent(state.time_s)
+            if is_silent and name not in self._silent:
                 self._silent.add(name)
                 self.publish_event(
                     f"no data from the {name} for {SILENT_S:.0f} s; check its cable", WARN, name=name
                 )
-            elif not feed.is_silent(state.time_s) and name in self._silent:
+            elif not is_silent and name in self._silent:
                 self._silent.remove(name)
                 self.publish_event(f"the {name} sends data again", name=name)
         limit_s = BLIND_S if not self._has_scans else SCAN_TIMEOUT_S
