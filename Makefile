@@ -18,7 +18,7 @@ TEST_PACKAGES := clang-format clang clang-tidy llvm libclang-rt-dev simavr ardui
 help:
 	@echo "make demo      install what is missing, build, and drive the two missions in simulation (results in out/)"
 	@echo "make test      install what is missing, build, and run the tests"
-	@echo "make test-all  the same with the slow tests, which repeat what others check (five minutes more)"
+	@echo "make test-all  the same with the slow tests, which repeat what others check"
 	@echo "make lint      ruff, mypy --strict, house words, clang-format, clang-tidy on the firmware's core"
 	@echo "make coverage  what the tests run: all lines and conditions of the firmware's core, 90 % of Python's lines"
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
