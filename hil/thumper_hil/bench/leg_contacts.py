@@ -1,11 +1,14 @@
 """Who caused a contact with a walking person: the robot that drove on, or the person who walked in.
 
-It is the robot's if its outline moved towards the leg, and faster than the leg moved towards the robot.
+It is the robot's if its outline moved towards the leg, and faster than the leg moved towards the robot. Both
+speeds are along the line from the point of the outline that is touched to the leg: a leg that comes from the
+side is the person's, even if it also walks ahead.
 """
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper_hil.bench.collision import CLEAR_M
 from thumper_hil.world.segment_raycast import polygon_clearance_m
 
 STATIONARY_M_S = 0.06
@@ -32,7 +35,8 @@ class LegContacts:
         for index, leg in enumerate(legs_m):
             if np.hypot(leg[0] - pose.x_m, leg[1] - pose.y_m) > 1.0:
                 continue
-            if polygon_clearance_m(outline_m, NO_SEGMENTS, leg[None, :]) <= 0.0:
+            clearance_m = polygon_clearance_m(outline_m, NO_SEGMENTS, leg[None, :])
+            if clearance_m <= (CLEAR_M if index in self._touching else 0.0):
                 touching.add(index)
                 if index not in self._touching:
                     known = index < len(self._legs_before_m)
@@ -44,11 +48,19 @@ class LegContacts:
         before = self._before or pose
         # The point of the body at the leg, carried back to where it was one step before.
         moved_m = leg_m - before.apply(pose.inverse().apply(leg_m[None, :]))[0]
-        centre_m = np.array([pose.x_m, pose.y_m])
-        outward = (leg_m - centre_m) / max(float(np.hypot(*(leg_m - centre_m))), 1e-9)
+        away_m = leg_m - _nearest_m(pose.apply(self._footprint_m), leg_m)
+        outward = away_m / max(float(np.hypot(*away_m)), 1e-9)
         robot_m_s = float(moved_m @ outward) / elapsed_s
         person_m_s = -float(walked_m @ outward) / elapsed_s
         if robot_m_s > max(STATIONARY_M_S, person_m_s):
             self.by_robot += 1
         else:
             self.by_people += 1
+
+
+def _nearest_m(outline_m: FloatArray, point_m: FloatArray) -> FloatArray:
+    """Return the point of a closed outline, shape (k, 2), that is nearest to a point, shape (2,)."""
+    edges_m = np.roll(outline_m, -1, axis=0) - outline_m
+    along = np.einsum("ij,ij->i", point_m - outline_m, edges_m) / np.einsum("ij,ij->i", edges_m, edges_m)
+    nearest_m = outline_m + np.clip(along, 0.0, 1.0)[:, None] * edges_m
+    return np.asarray(nearest_m[np.argmin(np.hypot(*(nearest_m - point_m).T))])

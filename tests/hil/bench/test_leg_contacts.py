@@ -33,6 +33,29 @@ def test_who_approached_faster(robot_m_s: float, leg_m_s: float, expected: tuple
     assert meet(robot_m_s, leg_m_s) == expected
 
 
+def test_a_leg_from_the_side_is_the_persons_though_it_overtakes() -> None:
+    contacts = LegContacts(FOOTPRINT_M)
+    for tick in range(20):
+        leg_m = np.array([[0.05 + 1.3 * tick * TICK_S, 0.24 - 0.5 * tick * TICK_S, 0.06]])
+        contacts.check(Pose2(x_m=0.2 * tick * TICK_S), leg_m, TICK_S)
+    assert (contacts.by_robot, contacts.by_people) == (0, 1)
+
+
+def test_a_side_that_swings_into_a_passing_leg_is_the_robots() -> None:
+    contacts = LegContacts(FOOTPRINT_M)
+    for tick in range(40):
+        leg_m = np.array([[0.10 + 0.2 * tick * TICK_S, 0.24, 0.06]])
+        contacts.check(Pose2(theta_rad=1.0 * tick * TICK_S), leg_m, TICK_S)
+    assert contacts.by_robot == 1
+
+
+def test_a_gap_of_a_few_millimetres_does_not_end_a_touch() -> None:
+    contacts = LegContacts(FOOTPRINT_M)
+    for x_m, leg_x_m in ((0.0, 0.40), (0.0, 0.26), (0.0, 0.275), (0.006, 0.275)):
+        contacts.check(Pose2(x_m=x_m), np.array([[leg_x_m, 0.0, 0.06]]), TICK_S)
+    assert (contacts.by_robot, contacts.by_people) == (0, 1)
+
+
 def test_a_lasting_touch_counts_once() -> None:
     contacts = LegContacts(FOOTPRINT_M)
     for tick in range(100):
