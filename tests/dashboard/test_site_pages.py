@@ -158,7 +158,7 @@ def test_first_page_fits_the_window_and_its_buttons_lead_on(
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("name", ["index.html", "notebooks/odometry.html", "navigation.html"])
+@pytest.mark.parametrize("name", ["index.html", "notebooks/odometry.html", "results/navigation.html"])
 def test_text_and_pictures_can_be_read(browser: Browser, site: Path, name: str, scheme: str) -> None:
     """In the dark scheme drawings and charts are dark, too; the paragraph signs appear under the pointer."""
     page = browser.new_page(viewport={"width": 1440, "height": 900}, color_scheme=scheme)  # type: ignore[arg-type]
