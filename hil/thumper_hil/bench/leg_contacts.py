@@ -14,6 +14,9 @@ from thumper_hil.world.segment_raycast import polygon_clearance_m
 STATIONARY_M_S = 0.06
 """Below this speed the robot's outline does not approach anybody."""
 
+FURTHEST_STEP_M = 0.1
+"""No leg moves further between two checks."""
+
 NO_SEGMENTS = np.zeros((0, 4))
 
 
@@ -35,14 +38,20 @@ class LegContacts:
         for index, leg in enumerate(legs_m):
             if np.hypot(leg[0] - pose.x_m, leg[1] - pose.y_m) > 1.0:
                 continue
+            before = self._before_of(leg)
+            touched = before in self._touching
             clearance_m = polygon_clearance_m(outline_m, NO_SEGMENTS, leg[None, :])
-            if clearance_m <= (CLEAR_M if index in self._touching else 0.0):
+            if clearance_m <= (CLEAR_M if touched else 0.0):
                 touching.add(index)
-                if index not in self._touching:
-                    known = index < len(self._legs_before_m)
-                    walked_m = leg[:2] - self._legs_before_m[index, :2] if known else np.zeros(2)
+                if not touched:
+                    walked_m = np.zeros(2) if before is None else leg[:2] - self._legs_before_m[before, :2]
                     self._judge(pose, leg[:2], walked_m, elapsed_s)
         self._touching, self._before, self._legs_before_m = touching, pose, legs_m
+
+    def _before_of(self, leg: FloatArray) -> int | None:
+        """Return the index that a leg, shape (3,), had one step before: a person who turns swaps the two."""
+        away_m = np.hypot(*(self._legs_before_m[:, :2] - leg[:2]).T)
+        return int(np.argmin(away_m)) if away_m.min(initial=np.inf) < FURTHEST_STEP_M else None
 
     def _judge(self, pose: Pose2, leg_m: FloatArray, walked_m: FloatArray, elapsed_s: float) -> None:
         before = self._before or pose

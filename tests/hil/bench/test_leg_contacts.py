@@ -56,6 +56,16 @@ def test_a_gap_of_a_few_millimetres_does_not_end_a_touch() -> None:
     assert (contacts.by_robot, contacts.by_people) == (0, 1)
 
 
+def test_the_legs_of_a_person_who_turns_round_stay_the_same_legs() -> None:
+    contacts = LegContacts(FOOTPRINT_M)
+    legs_m = np.array([[0.30, 0.0, 0.06], [0.30, 0.4, 0.06]])
+    for tick in range(20):
+        legs_m = legs_m - [0.01, 0.0, 0.0]
+        order = (0, 1) if tick < 10 else (1, 0)
+        contacts.check(Pose2(x_m=0.002 * tick), legs_m[list(order)], TICK_S)
+    assert (contacts.by_robot, contacts.by_people) == (0, 1)
+
+
 def test_a_lasting_touch_counts_once() -> None:
     contacts = LegContacts(FOOTPRINT_M)
     for tick in range(100):
