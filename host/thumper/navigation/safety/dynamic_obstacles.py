@@ -27,7 +27,7 @@ PASSED_M = 0.12  # a ray must have passed this far behind a hit
 LEAST_POINTS = 3
 LEAST_NEW_FRACTION = 0.5  # of an object's hits must be where rays had passed
 WIDEST_M = 1.0  # wider objects are walls
-MATCH_M = 0.6
+FASTEST_M_S = 2.6  # a foot swings at twice the walking speed
 # An earlier object is still there if at least this fraction of it is this near to hits that are not new.
 STATIC_M, LEAST_STILL_FRACTION = 0.08, 0.5
 LATELY_S = 5.0  # somebody who stands or is hidden for less may move again
@@ -141,8 +141,9 @@ class DynamicObstacles:
                 new_objects.append(points_m)
         before = [points_m for points_m in _objects(past.hits_m) if len(points_m) >= LEAST_POINTS]
         for points_m in new_objects:
-            step_m = _step_from(points_m, before, np.vstack(static_m))
-            velocity = step_m / (scan.time_s - past.time_s)
+            elapsed_s = scan.time_s - past.time_s
+            step_m = _step_from(points_m, before, np.vstack(static_m), FASTEST_M_S * elapsed_s)
+            velocity = step_m / elapsed_s
             if math.hypot(*velocity) >= self._options.least_m_s:
                 moving.append(MovingObject(points_m, velocity))
         return moving
@@ -158,17 +159,20 @@ class DynamicObstacles:
         return is_new
 
 
-def _step_from(points_m: FloatArray, before: list[FloatArray], static_m: FloatArray) -> FloatArray:
+def _step_from(
+    points_m: FloatArray, before: list[FloatArray], static_m: FloatArray, furthest_m: float
+) -> FloatArray:
     """Return the way from the nearest object that has left its place, shape (2,); 0 if there is none.
 
-    `before` are the earlier objects; `static_m`, shape (n, 2), are hits of objects that have not moved.
+    `before` are the earlier objects; `static_m`, shape (n, 2), are hits of objects that have not moved. An
+    object further away than `furthest_m` is another one.
     """
     centre_m = points_m.mean(axis=0)
     steps = sorted(
         ((centre_m - past_m.mean(axis=0), past_m) for past_m in before), key=lambda pair: math.hypot(*pair[0])
     )
     for step_m, past_m in steps:
-        if math.hypot(*step_m) > MATCH_M:
+        if math.hypot(*step_m) > furthest_m:
             break
         distances_m = np.hypot(*(past_m[:, None] - static_m).transpose(2, 0, 1))
         is_still_there = (distances_m.min(axis=1, initial=np.inf) < STATIC_M).mean() >= LEAST_STILL_FRACTION

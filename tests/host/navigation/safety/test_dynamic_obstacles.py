@@ -54,6 +54,17 @@ def test_a_crossing_person_is_detected(speed_m_s: float, width_m: float) -> None
     assert not found.have_moved_lately(10.0)
 
 
+def test_the_swinging_leg_of_a_person_who_comes_is_detected() -> None:
+    """One leg rests, the other swings past it at 2.4 m/s: twice the speed of a person in a hurry."""
+    rng, found = np.random.default_rng(5), detector()
+    detected = []
+    for cycle in range(6):
+        legs_m = np.array(((1.6, -0.2, 0.06), (2.2 - 0.24 * max(0, cycle - 1), 0.1, 0.06)))
+        found.update(0.1 * cycle, Pose2(), scan(hall(legs_m), rng))
+        detected.append(bool(found.moving))
+    assert detected[4:] == [True, True]
+
+
 def test_a_flickering_leg_beside_another_does_not_move() -> None:
     rng = np.random.default_rng(1)
     for flicker in (0.1, 0.3, 0.5, 0.9):
