@@ -27,7 +27,7 @@ help:
 	@echo "make wheel     build a wheel in dist/, install it into an empty environment and drive the demo from it"
 	@echo "make wheel-aarch64  the same for 64-bit ARM; drives a simulated robot in qemu"
 	@echo "make sdist     pack the sources into dist/"
-	@echo "make bench     run every benchmark and write the table in docs/results/benchmarks.md"
+	@echo "make bench     run every benchmark and write docs/results/benchmarks.md and its pages"
 	@echo "make bench-peers  fetch and build ROS's navfn, run it and our planners in turn, print the ratios"
 	@echo "make results   drive the sample campaigns again and write their reports into docs/results/"
 	@echo "make soak      two simulated hours of goals and faults (half an hour); HOURS=8 for more, see docs/results/soak.md"

@@ -2,8 +2,9 @@
 
 Run: python benchmarks/table.py [NAME ...]
 
-Each benchmark is a separate program with its own output. Each call of `figure()` becomes a row of
-docs/results/benchmarks.md. With names, only these benchmarks run and only their rows change.
+Each benchmark is a separate program with its own output. Each call of `figure()` becomes a row of a page in
+docs/results/benchmarks/, the most important ones also of docs/results/benchmarks.md. With names, only these
+benchmarks run and only their rows change.
 """
 
 import json
@@ -18,6 +19,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 PAGE = HERE.parent / "docs" / "results" / "benchmarks.md"
+PAGES = PAGE.with_suffix("")
 MARK = "<!-- below: made by `make bench` -->\n"
 BENCHMARKS: dict[str, tuple[str, ...]] = {
     "cli": ("",),
@@ -53,7 +55,48 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "page_load": ("",),
 }
 """The options of each run, in the order of the table."""
-HEAD = "| benchmark | what | ours | aim | others | load |\n" + "|---" * 6 + "|\n"
+AREAS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "firmware": ("Firmware and serial link", ("firmware", "link_noise")),
+    "simulator": ("Simulator", ("sim", "sim_validation", "raycast", "lidar_noise")),
+    "wheels": ("Wheels and odometry", ("tuning", "drive_train", "slip", "gyroscope")),
+    "mapping": (
+        "Mapping",
+        (
+            "slam",
+            "slam_public",
+            "slam_truth",
+            "slam_lidars",
+            "slam_closed_loop",
+            "slam_kidnapping",
+            "warm_up",
+        ),
+    ),
+    "localization": (
+        "Localization",
+        ("localization_starts", "localization_logs", "localization_tracking"),
+    ),
+    "navigation": (
+        "Navigation",
+        ("navigation", "navigation_barn", "navigation_people", "lidar_models", "scaling", "large_map"),
+    ),
+    "programs": ("Programs", ("cli", "bus", "recording", "dashboard", "page_load")),
+}
+"""Page, its title and its benchmarks in order."""
+HEADLINES: tuple[tuple[str, str], ...] = (
+    ("firmware", "flash"),
+    ("firmware", "lossless edges/s, line full both ways"),
+    ("sim", "simulator: whole robot with lidar, driving a circle"),
+    ("tuning", "wheel speed error on 27 robots at 8 rad/s^2, worst: mean / std"),
+    ("slam", "scan_match, Intel: path error"),
+    ("slam", "scan_match, Intel: CPU per scan, mean / 99 %"),
+    ("localization_logs", "localization inside: confirmed right / never / wrong"),
+    ("navigation", "the robot's loop, navigation: share of a core"),
+    ("navigation_barn", "BARN x 0.50, dwa + cascade, 0.5 m/s, seed 0: successes"),
+    ("navigation_people", "people crossing, 10 scenes at 0.4 m/s: robot drove into a person, arrived"),
+    ("page_load", "page, first paint, empty cache"),
+)
+"""Benchmark and beginning of the row, for the overview."""
+HEAD = "| what | ours | aim | others | load |\n" + "|---" * 5 + "|\n"
 
 
 def run(name: str, options: str) -> tuple[list[dict[str, str]], bool]:
@@ -74,13 +117,12 @@ def run(name: str, options: str) -> tuple[list[dict[str, str]], bool]:
     return figures, code == 0
 
 
-def line(name: str, figure: dict[str, str]) -> str:
+def line(figure: dict[str, str]) -> str:
     """Return a row of the table in Markdown. Call it right after the benchmark, for its load."""
     ours = f"{figure['ours']} {figure.get('unit', '')}".strip()
     peers, source = figure.get("peers", ""), figure.get("source", "")
     others = f"{peers} ({source})" if source else peers
-    load = os.getloadavg()[0]
-    return f"| {name} | {figure['what']} | {ours} | {figure.get('aim', '')} | {others} | {load:.1f} |"
+    return f"| {figure['what']} | {ours} | {figure.get('aim', '')} | {others} | {os.getloadavg()[0]:.1f} |"
 
 
 def machine() -> str:
@@ -91,24 +133,63 @@ def machine() -> str:
     return f"{processor}, {os.cpu_count()} cores, Python {platform.python_version()}."
 
 
+def read_rows() -> dict[str, list[str]]:
+    """Return the rows of each benchmark from its page."""
+    text = "".join(path.read_text(encoding="utf-8") for path in sorted(PAGES.glob("*.md")))
+    sections = dict(re.findall(r"(?ms)^## (\w+)\n(.*?)(?=^#|\Z)", text))
+    return {name: re.findall(r"(?m)^\| (?!what ).*$", sections.get(name, "")) for name in BENCHMARKS}
+
+
+def area_page(title: str, names: tuple[str, ...], rows: dict[str, list[str]]) -> str:
+    """Return the page of an area: one section per benchmark, with its commands and its rows."""
+    text = (
+        f"{MARK}\n# {title}, benchmarks\n\n{machine()} [Overview](../benchmarks.md) explains the columns.\n"
+    )
+    for name in names:
+        commands = [f"python benchmarks/{name}.py {options}".strip() for options in BENCHMARKS[name]]
+        text += f"\n## {name}\n\n```sh\n" + "\n".join(commands) + f"\n```\n\n{HEAD}"
+        text += "\n".join(rows[name]) + "\n"
+    return text
+
+
+def overview(rows: dict[str, list[str]]) -> str:
+    """Return the generated part of the overview: the headlines and the pages."""
+    lines = [machine(), "", HEAD.rstrip()]
+    for name, what in HEADLINES:
+        lines += [row for row in rows[name] if row.startswith(f"| {what} |")][:1]
+    lines += ["", "## All rows", "", "| page | benchmarks | rows |", "|---|---|---|"]
+    for area, (title, names) in AREAS.items():
+        listed = ", ".join(f"[{name}](benchmarks/{area}.md#{name})" for name in names)
+        lines.append(
+            f"| [{title}](benchmarks/{area}.md) | {listed} | {sum(len(rows[name]) for name in names)} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def write_pages(rows: dict[str, list[str]]) -> None:
+    """Write the pages of all areas and the overview."""
+    for area, (title, names) in AREAS.items():
+        (PAGES / f"{area}.md").write_text(area_page(title, names, rows), encoding="utf-8")
+    text, _, _ = PAGE.read_text(encoding="utf-8").partition(MARK)
+    PAGE.write_text(f"{text}{MARK}\n{overview(rows)}", encoding="utf-8")
+
+
 def main(names: list[str]) -> int:
-    """Run the benchmarks, write the page, and return the exit code."""
+    """Run the benchmarks, write the pages, and return the exit code."""
     unknown = sorted(set(names) - set(BENCHMARKS))
     if unknown:
         print(f"unknown benchmark {unknown[0]!r}; choose from {', '.join(BENCHMARKS)}", file=sys.stderr)
         return 2
-    text, _, made = PAGE.read_text(encoding="utf-8").partition(MARK)
-    rows = {name: re.findall(rf"(?m)^\| {name} \|.*$", made) for name in BENCHMARKS}
+    rows = read_rows()
     all_well = True
     for name in names or BENCHMARKS:
         rows[name] = []
         for options in BENCHMARKS[name]:
             figures, well = run(name, options)
             all_well &= well
-            rows[name] += [line(name, figure) for figure in figures]
-    table = "\n".join(row for name in BENCHMARKS for row in rows[name])
-    PAGE.write_text(f"{text}{MARK}\n{machine()}\n\n{HEAD}{table}\n", encoding="utf-8")
-    print(f"wrote {PAGE.relative_to(HERE.parent)}")
+            rows[name] += [line(figure) for figure in figures]
+    write_pages(rows)
+    print(f"wrote {PAGE.relative_to(HERE.parent)} and its pages")
     return 0 if all_well else 1
 
 
