@@ -49,6 +49,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "large_map": ("",),
     "navigation_barn": ("--tracker cascade",),
     "navigation_people": ("--scenes 10",),
+    "navigation_walls": ("--rooms 60", "--rooms 60 --hard"),
     "bus": ("",),
     "recording": ("",),
     "dashboard": ("", "--side 4000"),
