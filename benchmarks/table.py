@@ -49,7 +49,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "large_map": ("",),
     "navigation_barn": ("--tracker cascade",),
     "navigation_people": ("--scenes 10",),
-    "navigation_walls": ("--rooms 60", "--rooms 60 --hard"),
+    "navigation_walls": ("--rooms 30", "--rooms 30 --hard"),
     "bus": ("",),
     "recording": ("",),
     "dashboard": ("", "--side 4000"),
@@ -78,7 +78,15 @@ AREAS: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "navigation": (
         "Navigation",
-        ("navigation", "navigation_barn", "navigation_people", "lidar_models", "scaling", "large_map"),
+        (
+            "navigation",
+            "navigation_barn",
+            "navigation_people",
+            "navigation_walls",
+            "lidar_models",
+            "scaling",
+            "large_map",
+        ),
     ),
     "programs": ("Programs", ("cli", "bus", "recording", "dashboard", "page_load")),
 }

@@ -243,6 +243,7 @@ def lattice_slice(
 def search_lattice(problem: LatticeProblem, weights: LatticeWeights) -> Search[FloatArray]:
     """Return poses (x, y, theta), shape (n, 3), from the start to near the goal; empty if there are none.
 
+    The headings are continuous: a turn to the right begins with a smaller heading, not with one near 2 pi.
     Gives up after `max_nodes` nodes. The footprint must be free everywhere but near the start.
     """
     rows, cols = problem.cells.costs.shape
@@ -258,5 +259,7 @@ def search_lattice(problem: LatticeProblem, weights: LatticeWeights) -> Search[F
         if progress.last == NO_PATH:
             return np.empty((0, 3))
         if progress.last >= 0:
-            return trace_poses(progress.nodes, progress.last, problem.start[2])
+            poses = trace_poses(progress.nodes, progress.last, problem.start[2])
+            poses[:, 2] = np.unwrap(poses[:, 2])
+            return poses
         yield
