@@ -94,9 +94,12 @@ def _table(command: Any) -> Iterator[str]:
 def _value(row: Any) -> str:
     if getattr(row, "is_bool_flag", False):
         return ""
-    word = _type_text(row.type_descriptor.annotation)
+    pair = row.metavar and " " in row.metavar  # such as X Y, also where Typer takes the pair as a text
+    word = row.metavar if pair else _type_text(row.type_descriptor.annotation)
     bounds = [f"{sign} {bound:g}" for sign, bound in (("≥", row.min), ("≤", row.max)) if bound is not None]
-    often = " (may be repeated)" if getattr(row, "multiple", False) else ""
+    often = ""
+    if getattr(row, "multiple", False):
+        word, often = word.removeprefix("list of "), " (may be repeated)"
     return ", ".join([word, *bounds]) + often
 
 

@@ -18,10 +18,10 @@ def dashboard(
         bool, typer.Option("--make-certificate", help="Create a certificate for HTTPS and exit.")
     ] = False,
 ) -> None:
-    """Serve the browser page to watch and control a running robot, until Ctrl-C.
+    """Serve the dashboard, a browser page to watch and control a running robot, until Ctrl-C.
 
-    The page connects to `thumper run` over the bus; start the two in any order. A robot that the page drives
-    stops when the page ends.
+    The dashboard connects to `thumper run` over the bus; start the two in any order. A robot that it drives
+    stops when the dashboard ends.
 
     Example: `thumper dashboard --bus 192.168.1.20:7448`
     """

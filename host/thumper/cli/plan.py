@@ -139,7 +139,7 @@ def _draw(grid: "OccupancyGrid", keepout: "Masks", answer: "PlanAnswer", png: Pa
     grid = dataclasses.replace(grid, cells=np.where(closed, KEEP_OUT_SHADE, grid.cells).astype(np.int8))
     try:
         path_m = np.empty((0, 2)) if answer.path_m is None else answer.path_m
-        plot_map(grid, path_m, png, title, last="goal")
+        plot_map(grid, path_m, png, title, planned=True)
     except (OSError, ValueError) as error:
         raise ThumperError(
             f"{png}: cannot be written ({error}); choose another file with --png", exit_code=EXIT_USAGE

@@ -74,7 +74,7 @@ def run(
     ] = 1.0,
     bus: BusAddress = "",
     ui: Annotated[
-        bool, typer.Option("--ui", help="Also serve the browser page; see `thumper dashboard`.")
+        bool, typer.Option("--ui", help="Also serve the dashboard; see `thumper dashboard`.")
     ] = False,
     record: Record = False,
     record_to: RecordTo = None,

@@ -14,13 +14,13 @@ MIN_PASSWORD_CHARACTERS = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DashboardOptions:
-    """Address, password and certificate of the page."""
+    """Address, password and certificate of the dashboard."""
 
     # Address to listen on. 127.0.0.1: this computer only; 0.0.0.0: every network of this computer.
     host: str = "127.0.0.1"
-    # Port of the page.
+    # Port of the dashboard.
     port: Annotated[int, Ge(1), Le(65535)] = 8080
-    # Password of the page; required unless the page is on a loopback address.
+    # Login password; required for any address but loopback.
     password: str = ""
     # PEM file of the certificate for HTTPS; empty: the one of `--make-certificate`.
     certificate: str = ""

@@ -13,8 +13,8 @@ from thumper.common.files import write_whole
 from thumper.common.geometry import FloatArray
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
-UNKNOWN_COLOUR, FREE_COLOUR, OCCUPIED_COLOUR, PATH_COLOUR = "#e9edf1", "#ffffff", "#1c2733", "#d1495b"
-BLUE, ORANGE, GREEN = "#2563eb", "#ea580c", "#16a34a"
+UNKNOWN_COLOUR, FREE_COLOUR, OCCUPIED_COLOUR = "#e9edf1", "#ffffff", "#1c2733"
+BLUE, ORANGE, GREEN, RED = "#2563eb", "#ea580c", "#16a34a", "#d1495b"
 LONG_SIDE_PX, BORDER_PX, BOTTOM_PX, DPI = 1200, 90, 54, 120
 MARGIN_M = 0.5
 
@@ -41,10 +41,12 @@ def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal")
 
 
-def plot_map(grid: OccupancyGrid, path_m: FloatArray, png_path: Path, title: str, last: str = "end") -> None:
+def plot_map(
+    grid: OccupancyGrid, path_m: FloatArray, png_path: Path, title: str, *, planned: bool = False
+) -> None:
     """Write a PNG of the known part of the map and the path, shape (n, 2) [m].
 
-    `last` names the path's last point.
+    As in the other pictures, a planned path is orange, a driven one blue.
     """
     height, width = _known_part(grid).pixels.shape
     scale = max(1, LONG_SIDE_PX // max(height, width))  # whole pixels per cell: all cells look the same
@@ -57,9 +59,10 @@ def plot_map(grid: OccupancyGrid, path_m: FloatArray, png_path: Path, title: str
     )
     draw_grid(axes, grid)
     if path_m.shape[0]:
-        axes.plot(path_m[:, 0], path_m[:, 1], color=PATH_COLOUR, linewidth=1.0, alpha=0.85, label="path")
-        axes.plot(*path_m[0], "o", color=PATH_COLOUR, markersize=7, markerfacecolor="white", label="start")
-        axes.plot(*path_m[-1], "o", color=PATH_COLOUR, markersize=7, label=last)
+        colour, last = (ORANGE, "goal") if planned else (BLUE, "end")
+        axes.plot(path_m[:, 0], path_m[:, 1], color=colour, linewidth=1.0, alpha=0.85, label="path")
+        axes.plot(*path_m[0], "o", color=colour, markersize=7, markerfacecolor="white", label="start")
+        axes.plot(*path_m[-1], "o", color=colour, markersize=7, label=last)
         axes.legend(loc="upper right", frameon=True, framealpha=0.9)
     axes.set(title=title)
     axes.grid(color="#9fb0c0", linewidth=0.4, alpha=0.5)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.maps.plot import BLUE, ORANGE, PATH_COLOUR, draw_grid
+from thumper.maps.plot import BLUE, ORANGE, RED, draw_grid
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.planners.polyline import arc_lengths
 from thumper.runtime.drive_log import DriveLog
@@ -45,7 +45,7 @@ def draw_robot(axes: Axes, map_from_base: Pose2, footprint: Footprint, hits_in_m
     """Draw the robot's outline with its heading, and the points of its newest scan, shape (n, 2) [m]."""
     outline_m = map_from_base.apply(footprint.polygon_m())
     nose_m = map_from_base.apply(np.array([[0.0, 0.0], [footprint.polygon_m()[:, 0].max(), 0.0]]))
-    axes.plot(*hits_in_map_m.T, ".", color=PATH_COLOUR, markersize=2, label="newest scan")
+    axes.plot(*hits_in_map_m.T, ".", color=RED, markersize=2, label="newest scan")
     axes.fill(*outline_m.T, facecolor="none", edgecolor=BLUE, linewidth=1.5)
     axes.plot(*nose_m.T, color=BLUE, linewidth=1.5)
 

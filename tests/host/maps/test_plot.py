@@ -4,20 +4,22 @@ from pathlib import Path
 
 import matplotlib.image
 import numpy as np
+import pytest
 
 from thumper.maps.map_server_io import load_map, save_map
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from thumper.maps.plot import FREE_COLOUR, OCCUPIED_COLOUR, PATH_COLOUR, plot_map
+from thumper.maps.plot import BLUE, FREE_COLOUR, OCCUPIED_COLOUR, ORANGE, plot_map
 
 
-def test_free_space_walls_and_path_are_visible(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("planned", "path_colour"), [(True, ORANGE), (False, BLUE)])
+def test_free_space_walls_and_path_are_visible(tmp_path: Path, planned: bool, path_colour: str) -> None:
     cells = np.full((60, 80), FREE, np.int8)
     cells[[0, -1]] = OCCUPIED
     grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
     path_m = np.column_stack((np.linspace(0.5, 3.5, 50), np.full(50, 1.5)))
-    plot_map(grid, path_m, tmp_path / "map.png", "a room")
+    plot_map(grid, path_m, tmp_path / "map.png", "a room", planned=planned)
     picture = np.rint(255 * matplotlib.image.imread(tmp_path / "map.png")[:, :, :3])
-    expected = ((FREE_COLOUR, 2, 10_000), (OCCUPIED_COLOUR, 2, 1000), (PATH_COLOUR, 60, 300))
+    expected = ((FREE_COLOUR, 2, 10_000), (OCCUPIED_COLOUR, 2, 1000), (path_colour, 60, 300))
     for colour, tolerance, least in expected:
         rgb = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
         assert (np.abs(picture - rgb).max(axis=2) <= tolerance).sum() > least, colour

@@ -5,11 +5,29 @@ from typing import Annotated
 
 import typer
 
+
+def _ports() -> list[str]:
+    """Return what Tab offers for a port: the serial ports that are plugged in, and the simulated robot."""
+    from thumper.doctor.usb_ports import usb_ports
+
+    return [*(port.device for port in usb_ports()), "sim://"]
+
+
 BoardPort = Annotated[
-    str, typer.Option("--board", help="Serial port or URL of the board; overrides the configuration.")
+    str,
+    typer.Option(
+        "--board",
+        help="Serial port or URL of the board; overrides the configuration.",
+        autocompletion=_ports,
+    ),
 ]
 LidarPort = Annotated[
-    str, typer.Option("--lidar", help="Serial port or URL of the lidar; overrides the configuration.")
+    str,
+    typer.Option(
+        "--lidar",
+        help="Serial port or URL of the lidar; overrides the configuration.",
+        autocompletion=_ports,
+    ),
 ]
 ConfigFile = Annotated[
     Path | None, typer.Option("--config", help="TOML file of the robot; without it, a Wild Thumper.")

@@ -1,0 +1,28 @@
+"""Tab completes the values of options and arguments."""
+
+import pytest
+import typer.main
+from serial.tools import list_ports
+from serial.tools.list_ports_common import ListPortInfo
+
+from thumper.cli.app import build_app
+
+
+def offered(command: str, option: str) -> list[str]:
+    """Return what Tab offers for an option of a command."""
+    group = typer.main.get_command(build_app())
+    of = group.commands[command]  # type: ignore[attr-defined]
+    (parameter,) = [one for one in of.params if option in one.opts]
+    context = of.make_context(command, [], resilient_parsing=True)
+    return [item.value for item in parameter.shell_complete(context, "")]
+
+
+@pytest.mark.parametrize("command", ["run", "explore", "doctor"])
+def test_ports_are_those_that_are_plugged_in_and_the_simulator(
+    command: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port = ListPortInfo("/dev/ttyUSB7")
+    port.vid, port.pid = 0x0403, 0x6001
+    monkeypatch.setattr(list_ports, "comports", lambda: [port])
+    assert offered(command, "--board") == ["/dev/ttyUSB7", "sim://"]
+    assert offered(command, "--lidar") == ["/dev/ttyUSB7", "sim://"]
