@@ -88,13 +88,13 @@ def test_slow_page_shows_no_log_line_twice(page: Page, robot: FakeRobot) -> None
 def test_active_faults_are_shown_on_every_page(page: Page, robot: FakeRobot) -> None:
     robot.simulated_faults["slip.left"] = 0.5  # by another client
     page.click(".tp-tab-sim")
-    expect(page.locator(".tp-active-faults")).to_have_text("Active faults: left slip 0.5")
+    expect(page.locator(".tp-active-faults")).to_have_text("Active faults: left slip (slip.left) 0.5")
     page.locator(".tp-faultrow .q-select", has_text="Fault").click()
-    expect(page.locator(".q-menu .q-item")).to_have_text(["lidar", "left slip"])
+    expect(page.locator(".q-menu .q-item")).to_have_text(["lidar", "left slip (slip.left)"])
     page.locator(".q-menu >> text=lidar").click()
     expect(page.locator(".tp-faultrow .q-select", has_text="Kind")).to_contain_text("unplugged")  # not ok
     page.click("text=Apply fault")
-    active = "Active faults: left slip 0.5, lidar unplugged"
+    active = "Active faults: left slip (slip.left) 0.5, lidar unplugged"
     expect(page.locator(".tp-active-faults")).to_have_text(active)
     page.reload()
     page.click(".tp-tab-sim")

@@ -117,8 +117,8 @@ def _faults_text(faults: Mapping[str, Any]) -> str:
 
 
 def _fault_title(name: str) -> str:
-    """Return a fault's name in words: `encoder.left.a` is "left encoder a"."""
+    """Return a fault's name in words and as the test bench has it: "left encoder a (encoder.left.a)"."""
     first, *rest = name.split(".")
     if rest and rest[0] in ("left", "right"):
         first, rest[0] = rest[0], first
-    return " ".join([first, *rest])
+    return f"{' '.join([first, *rest])} ({name})" if rest else name

@@ -313,7 +313,7 @@ SIMULATOR_COMMAND: Service[Mapping[str, Any], Text] = Service(
 )
 EXPERIMENT_START = Service(
     name="experiment/start",
-    summary="starts one of the page's [experiments](dashboard.md#parts-of-the-page)",
+    summary="starts one of the dashboard's [experiments](dashboard.md#tune)",
     request=StartExperiment,
     reply=Text,
 )
