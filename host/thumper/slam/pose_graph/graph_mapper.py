@@ -26,6 +26,12 @@ from thumper.slam.pose_graph.submaps import SubmapGraph
 
 # Parts of work per scan: one per this distance since the last scan, which took time, too.
 PART_EVERY_M, MAX_PARTS = 0.1, 3
+# Parts per scan from a loop closure until the active map is complete again. Until then walls lie in it twice,
+# or are missing, and a match slides along equal doorways: a few metres of this cost the pose.
+URGENT_PARTS = 4
+# The front end first continues in a map of this distance along the graph: a sixth of the whole is soon ready.
+# The rest is added to it.
+NUCLEUS_M = 20.0
 MARGIN_M = 20.0  # that a rebuilt active map leaves around its scans: the robot drives on
 
 
@@ -51,6 +57,7 @@ class GraphMapper:
         self._search = LoopSearch(self._options, self._loops, self.submaps)
         self._solver: Solver | None = None
         self._active: set[int] = set()  # submaps in the active map
+        self._active_m = self._loops.active_m  # distance along the graph that the active map covers so far
         self._trimmed_at_m = 0.0  # distance driven when the active map was last rebuilt
         # Maps under construction: old submaps to add to the active map, the next active map, and the whole
         # map, once it is larger than the active one, with its successor.
@@ -120,7 +127,8 @@ class GraphMapper:
         if self._add_node(update, scan, twist):
             self._on_submap_finished()
         parts = round((self.submaps.driven_m - driven_before_m) / PART_EVERY_M)
-        self._run_parts(max(1, min(MAX_PARTS, parts)))
+        urgent = self._graph_from_front_end != Pose2() or self._active_m < self._loops.active_m
+        self._run_parts(URGENT_PARTS if urgent else max(1, min(MAX_PARTS, parts)))
         # By now a loop may be closed, or the front end may work in another map.
         pose = self._graph_from_front_end @ self._front_end.map_from_base
         return replace(update, map_from_base=pose, jumped=self.loops_closed > loops_before)
@@ -149,9 +157,15 @@ class GraphMapper:
                 self._trimmed_at_m = self.submaps.driven_m
                 if not self._active <= near.keys():
                     self._rebuild_active()
-        if self._additions is None and not near.keys() <= self._active:
+        if self._additions is None and self._active_m == self._loops.active_m:
             # Where the map of the last round ends, the robot would start a second one beside it.
-            self._additions = MapRebuild(hit_grid=self._front_end.hit_grid, chosen=near.keys() - self._active)
+            self._extend_active(near)
+
+    def _extend_active(self, near: dict[int, float]) -> None:
+        """Start to add the submaps that are missing in the active map, out to the distance it covers."""
+        missing = {submap for submap, m in near.items() if m <= self._active_m} - self._active
+        if missing:
+            self._additions = MapRebuild(hit_grid=self._front_end.hit_grid, chosen=missing)
 
     @property
     def _builds_map(self) -> bool:
@@ -174,6 +188,7 @@ class GraphMapper:
             if self._additions.insert_part(self.submaps):
                 self._active |= self._additions.chosen or set()
                 self._additions = None
+                self._widen_active()
         elif self._next_active is not None:
             if self._next_active.insert_part(self.submaps):
                 self._switch_active(self._next_active)
@@ -192,7 +207,7 @@ class GraphMapper:
         self._solver = None
         self.loops_closed += 1
         self._additions = None
-        self._rebuild_active()
+        self._rebuild_active(NUCLEUS_M)
         self._next_whole_map = self._empty_whole_map()
 
     def _switch_active(self, rebuilt: MapRebuild) -> None:
@@ -202,13 +217,27 @@ class GraphMapper:
         self._graph_from_front_end = Pose2()
         self._active = rebuilt.chosen or set()
         self._next_active = None
+        self._widen_active()
         if self._whole_map is None and self._next_whole_map is None:
             self._next_whole_map = self._empty_whole_map()
 
-    def _rebuild_active(self) -> None:
+    def _widen_active(self) -> None:
+        """Add what is missing in the active map after a loop closure, the nearest submaps first."""
+        while self._additions is None and self._active_m < self._loops.active_m:
+            self._active_m = min(2.0 * self._active_m, self._loops.active_m)
+            self._extend_active(self.submaps.within(self._active_m))
+
+    def _rebuild_active(self, distance_m: float = math.inf) -> None:
+        """Start the next active map, with the submaps up to this distance; leave room for the others."""
         self._trimmed_at_m = self.submaps.driven_m
-        chosen = set(self.submaps.within(self._loops.active_m))
-        self._next_active = MapRebuild(hit_grid=self._empty_grid(), chosen=chosen, margin_m=MARGIN_M)
+        self._active_m = min(distance_m, self._loops.active_m)
+        near = self.submaps.within(self._loops.active_m)
+        self._next_active = MapRebuild(
+            hit_grid=self._empty_grid(),
+            chosen={submap for submap, m in near.items() if m <= self._active_m},
+            room_for=set(near),
+            margin_m=MARGIN_M,
+        )
 
     def _empty_whole_map(self) -> MapRebuild:
         return MapRebuild(hit_grid=self._empty_grid(distances=False), margin_m=MARGIN_M)

@@ -16,6 +16,7 @@ class MapRebuild:
 
     hit_grid: HitGrid
     chosen: set[int] | None = None  # submaps to insert; None for all
+    room_for: set[int] | None = None  # submaps that the map leaves room for, if not those to insert alone
     range_m: float = math.inf  # longer beams are left out
     margin_m: float = 0.0  # around the scans, for those that the robot will insert
     next_scan: int = 0  # the first kept scan not looked at yet
@@ -24,7 +25,7 @@ class MapRebuild:
     def insert_part(self, submaps: SubmapGraph) -> bool:
         """Insert some more scans, one at least, and return whether the map is complete."""
         if not self.hit_grid.hits.size and not self._reservation.is_running:
-            low_m, high_m = submaps.bounds_m(self.chosen, self.range_m)
+            low_m, high_m = submaps.bounds_m(self.room_for or self.chosen, self.range_m)
             self._reservation.start(self.hit_grid.reserve(low_m - self.margin_m, high_m + self.margin_m))
         if self._reservation.is_running:
             self._reservation.advance()
