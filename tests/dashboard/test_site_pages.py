@@ -179,3 +179,16 @@ def test_wide_formulas_and_commands_scroll_on_a_phone(browser: Browser, pages: P
     page.goto((pages / name).as_uri())
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
     page.close()
+
+
+def test_code_fits_a_wide_window_and_commands_wrap_on_a_phone(browser: Browser, pages: Path) -> None:
+    cut = """(kinds) => [...document.querySelectorAll(kinds)]
+      .filter((code) => code.scrollWidth > code.clientWidth).map((code) => code.innerText)"""
+    page = browser.new_page(viewport={"width": 1440, "height": 900})
+    commands = "article :is(.language-sh, .language-console) pre > code"
+    for width, kinds in ((1440, "article pre > code"), (390, commands)):
+        page.set_viewport_size({"width": width, "height": 900})
+        for name in ("navigation", "operate", "dashboard", "config", "firmware", "simulator"):
+            page.goto((pages / f"{name}.html").as_uri())
+            assert page.evaluate(cut, kinds) == [], (name, width)
+    page.close()

@@ -55,8 +55,8 @@ class SimulatorPanel:
         self._active = ui.html("", tag="p", sanitize=False).classes("tp-active-faults")
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
         inline(
-            '<p class="tp-hint">A fault stays active until you set it to ok. The manual describes '
-            "every fault on the page Test bench.</p>"
+            '<p class="tp-hint">A fault stays active until you set it to ok. The documentation describes '
+            'every fault in "Worlds, faults, and real boards".</p>'
         )
         self._on_fault_selected()
         ui.timer(POLL_PERIOD_S, self._poll, immediate=True)

@@ -18,7 +18,7 @@ from thumper_tuning.design.tuning_rules import PiGains
 if TYPE_CHECKING:
     import control
 
-SPEED_WEIGHT = 3.0  # relative to the summed error; then the PI is near MIGO's (docs/tuning.md)
+SPEED_WEIGHT = 3.0  # relative to the summed error; then the PI is near MIGO's (docs/results/tuning.md)
 BISECTIONS = 24
 LOG10_DRIVE_WEIGHT = (-6.0, 8.0)
 
