@@ -56,7 +56,7 @@ def test_every_page_is_reachable() -> None:
 def test_operators_guide_lists_every_topic() -> None:
     rows = [
         line
-        for line in (ROOT / "docs" / "operate.md").read_text(encoding="utf-8").splitlines()
+        for line in (ROOT / "docs" / "bus.md").read_text(encoding="utf-8").splitlines()
         if line.startswith("| `")
     ]
     for name, topic in TOPICS.items():

@@ -10,7 +10,8 @@ from thumper.ros.services import SERVICES
 from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.requests import COMMANDS
 
-PAGE = (Path(__file__).parents[2] / "docs" / "operate.md").read_text(encoding="utf-8")
+DOCS = Path(__file__).parents[2] / "docs"
+PAGE = "\n\n".join((DOCS / name).read_text(encoding="utf-8") for name in ("bus.md", "operate.md"))
 
 
 def rows(head: str) -> list[list[str]]:

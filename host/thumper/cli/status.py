@@ -116,9 +116,7 @@ def _topics() -> list[str]:
 
 
 def watch(
-    topic: Annotated[
-        str, typer.Argument(help="Topic name; docs/operate.md lists them.", autocompletion=_topics)
-    ],
+    topic: Annotated[str, typer.Argument(help="Topic name; docs/bus.md lists them.", autocompletion=_topics)],
     as_json: AsJson = False,
     count: Annotated[int, typer.Option(help="Stop after this many messages; 0: at Ctrl-C.", min=0)] = 0,
     config: ConfigFile = None,

@@ -2,7 +2,7 @@
 
 On the bus a service is a query at `thumper/<robot>/ask/<name>` whose payload and answer are JSON objects. The
 bus checks requests by this table, the robot's request handler dispatches by it, and clients call through it.
-docs/operate.md lists it; a test keeps both alike.
+docs/bus.md lists it; a test keeps both alike.
 """
 
 import types
