@@ -164,8 +164,10 @@ def area_page(title: str, names: tuple[str, ...], rows: dict[str, list[str]]) ->
 def overview(rows: dict[str, list[str]]) -> str:
     """Return the generated part of the overview: the headlines and the pages."""
     lines = [machine(), "", HEAD.rstrip()]
+    pages = {name: area for area, (_, names) in AREAS.items() for name in names}
     for name, what in HEADLINES:
-        lines += [row for row in rows[name] if row.startswith(f"| {what} |")][:1]
+        link = f"[{name}](benchmarks/{pages[name]}.md#{name}): "
+        lines += [f"| {link}{row[2:]}" for row in rows[name] if row.startswith(f"| {what} |")][:1]
     lines += ["", "## All rows", "", "| page | benchmarks | rows |", "|---|---|---|"]
     for area, (title, names) in AREAS.items():
         listed = ", ".join(f"[{name}](benchmarks/{area}.md#{name})" for name in names)
