@@ -2,11 +2,13 @@
 
 import subprocess
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 OUT = HERE.parents[1] / "out" / "peers"
-FLAGS = ("-O3", "-DNDEBUG", "-march=native", "-w", "-fPIC", "-shared", "-std=gnu++17")
+FLAGS = ("-O3", "-DNDEBUG", "-march=native", "-w", "-fPIC", "-shared")
+EIGEN = Path("/usr/include/eigen3")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,7 +17,7 @@ class Source:
 
     url: str
     commit: str
-    folders: tuple[str, ...]  # those that are needed
+    folders: tuple[str, ...] = (".",)  # those that are needed
 
     def fetch(self) -> Path:
         """Fetch it once; return its folder. Raises CalledProcessError if that fails."""
@@ -37,18 +39,82 @@ NAVIGATION = Source(  # BSD; ROS 1 Noetic, navfn 1.17.3
     commit="9ad644198e132d0e950579a3bc72c29da46e60b0",
     folders=("navfn",),
 )
+GMAPPING = Source(  # BSD
+    url="https://github.com/ros-perception/openslam_gmapping",
+    commit="5105476edb125bd3e05df3583b5817c486238dec",
+)
+LAMA = Source(  # BSD
+    url="https://github.com/iris-ua/iris_lama",
+    commit="fd60e55db67f59114a4ff0443519b34d484f92cf",
+)
 # Why the others are not here.
 NOT_BUILT = {
     "costmap_2d's inflation layer": "it needs boost, pluginlib, dynamic_reconfigure and roscpp",
     "dwa_local_planner's critics": "they need the same, and tf2",
-    "gmapping, LaMa": "their drivers are not written; LaMa needs Eigen",
+    "Cartographer, slam_toolbox": "they need Ceres, Abseil, Lua or ROS 2",
+}
+EXPORTS = {  # headers that gmapping's build generates
+    "gridfastslam": "gridfastslam",
+    "scanmatcher": "scanmatcher",
+    "utils": "utils",
+    "log": "log",
+    "sensor/sensor_base": "sensor_base",
+    "sensor/sensor_odometry": "sensor_odometry",
+    "sensor/sensor_range": "sensor_range",
 }
 
 
 def build_navfn() -> Path:
     """Fetch and build navfn; return the library. Raises CalledProcessError or FileNotFoundError."""
-    folder, library = NAVIGATION.fetch() / "navfn", OUT / "navfn.so"
+    folder = NAVIGATION.fetch() / "navfn"
     files = [HERE / "navfn.cpp", folder / "src" / "navfn.cpp"]
-    folders = [f"-I{HERE / 'stub'}", f"-I{folder / 'include'}"]
-    subprocess.run(["g++", *FLAGS, *folders, *files, "-o", library], check=True)
+    return _build("navfn", files, [HERE / "stub", folder / "include"])
+
+
+def build_gmapping() -> Path:
+    """Fetch and build gmapping; return the library. Raises CalledProcessError or FileNotFoundError."""
+    folder, exports = GMAPPING.fetch(), OUT / "gmapping_exports"
+    for place, name in EXPORTS.items():
+        header = exports / "gmapping" / place / f"{name}_export.h"
+        header.parent.mkdir(parents=True, exist_ok=True)
+        header.write_text(f"#define {name.upper()}_EXPORT\n", encoding="utf-8")
+    patterns = (
+        "utils/stat.cpp",
+        "utils/movement.cpp",
+        "sensor/*/*.cpp",
+        "scanmatcher/smmap.cpp",
+        "scanmatcher/scanmatcher.cpp",
+        "scanmatcher/eig3.cpp",
+        "gridfastslam/gridslamprocessor*.cpp",
+        "gridfastslam/motionmodel.cpp",
+    )
+    files = [HERE / "gmapping.cpp", *(file for pattern in patterns for file in folder.glob(pattern))]
+    return _build("gmapping", files, [exports, folder / "include"])
+
+
+def build_lama() -> Path:
+    """Fetch and build LaMa; return the library. Raises CalledProcessError or FileNotFoundError."""
+    if not EIGEN.exists():
+        raise FileNotFoundError(f"{EIGEN}; install libeigen3-dev")
+    folder = LAMA.fetch()
+    vendor = folder / "vendor"
+    zstd = _build_c("zstd", [*vendor.glob("zstd/zstd/*.c"), *vendor.glob("lz4/lz4/*.c")], [])
+    unused = ("graph_slam2d", "simple_pgo", "lidar_odometry_2d", "loc2d")
+    files = [file for file in folder.glob("src/**/*.cpp") if file.stem not in unused]
+    folders = [folder / "include", EIGEN, *(vendor / name for name in ("lz4", "zstd", "stb", "moodycamel"))]
+    return _build("lama", [HERE / "lama.cpp", *files, zstd], folders)
+
+
+def _compile(compiler: str, name: str, files: list[Path], folders: list[Path]) -> Path:
+    library = OUT / f"lib{name}.so"
+    newest_s = max(file.stat().st_mtime for file in (Path(__file__), *files))
+    if library.exists() and library.stat().st_mtime > newest_s:
+        return library
+    standard = ("-std=gnu++17",) if compiler == "g++" else ()
+    includes = (f"-I{folder}" for folder in folders)
+    outputs = ("-o", str(library), f"-Wl,-rpath,{OUT}", "-lpthread")
+    subprocess.run([compiler, *FLAGS, *standard, *includes, *map(str, files), *outputs], check=True)
     return library
+
+
+_build, _build_c = partial(_compile, "g++"), partial(_compile, "gcc")
