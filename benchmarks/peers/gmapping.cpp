@@ -20,7 +20,8 @@ struct Mapper {
 
 extern "C" {
 
-// Angles of the beams [rad], the lidar ahead of the base [m], its range [m], first odometry x, y [m], theta [rad].
+// Angles of the beams [rad], the lidar ahead of the base [m], its range [m], first odometry x, y [m], theta
+// [rad].
 Mapper *gmapping_new(int particles, const double *angles_rad, int beams, double ahead_m, double range_m,
                      const double *odometry) {
   std::cerr.setstate(std::ios_base::failbit);  // it writes a line for each scan
@@ -53,8 +54,8 @@ Mapper *gmapping_new(int particles, const double *angles_rad, int beams, double 
   return mapper;
 }
 
-// Add a scan: ranges [m], those without an echo as the lidar's range; odometry x, y [m], theta [rad]. Write the
-// pose of the best particle; return 1 if the scan was matched.
+// Add a scan: ranges [m], those without an echo as the lidar's range; odometry x, y [m], theta [rad]. Write
+// the pose of the best particle; return 1 if the scan was matched.
 int gmapping_update(Mapper *mapper, const double *ranges_m, const double *odometry, double time_s,
                     double *pose) {
   mapper->ranges_m.assign(ranges_m, ranges_m + mapper->ranges_m.size());

@@ -34,8 +34,8 @@ Mapper *lama_new(int particles, double gate) {
 
 void lama_delete(Mapper *mapper) { delete mapper; }
 
-// Add a scan: points [m] in the base frame, the lidar ahead of it [m], odometry x, y [m], theta [rad]. Write the
-// pose; return 1 if the scan was matched.
+// Add a scan: points [m] in the base frame, the lidar ahead of it [m], odometry x, y [m], theta [rad]. Write
+// the pose; return 1 if the scan was matched.
 int lama_update(Mapper *mapper, const double *points_m, int count, double ahead_m, const double *odometry,
                 double time_s, double *pose) {
   lama::PointCloudXYZ::Ptr cloud(new lama::PointCloudXYZ);
