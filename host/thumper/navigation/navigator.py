@@ -119,6 +119,7 @@ class Navigator:
         self._state, self._reason = NavigationState.NAVIGATING, ""
         self._parts.path.start_goal()
         self._parts.follower.reset()
+        self._parts.follower.goal_manoeuvre.reset()
         self._parts.watchdog.reset()
 
     def cancel(self) -> None:
@@ -199,9 +200,15 @@ class Navigator:
         self._parts.path.update(cycle.time_s, costmap, cycle.map_from_base, active.goal, window)
         request = self._control_request(cycle)
 
-        active.checker.update(cycle.map_from_base)
+        manoeuvre = self._parts.follower.goal_manoeuvre
+        if manoeuvre.arrived:
+            active.checker.accept_within_tolerance(cycle.map_from_base)
+        if not manoeuvre.active:
+            active.checker.update(cycle.map_from_base)
         if active.checker.is_reached(cycle.map_from_base, cycle.twist):
             self._state, self._reason = NavigationState.REACHED, f"at the goal {active.goal}"
+            if manoeuvre.place:
+                self._reason += f", in the nearest pose with room for the robot: {manoeuvre.place}"
             return self._output(Twist2(), request)
 
         result: ControlResult | Stop
@@ -301,7 +308,9 @@ class Navigator:
             self._reason = filtered.reason
         elif self._state is not NavigationState.RECOVERING:
             self._state = NavigationState.ROTATING if result.rotating else NavigationState.NAVIGATING
-            self._reason = self._parts.path.reason
+            manoeuvre, self._reason = self._parts.follower.goal_manoeuvre, self._parts.path.reason
+            if manoeuvre.active and manoeuvre.place:
+                self._reason = f"no room at the goal {active.goal}: going to {manoeuvre.place}"
         return self._output(filtered.command, request, result.trajectory)
 
     def _rejected(

@@ -8,6 +8,7 @@ from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.controllers.controller import Controller
 from thumper.navigation.controllers.final_approach import FinalApproach
 from thumper.navigation.controllers.goal_checker import GoalChecker
+from thumper.navigation.controllers.goal_manoeuvre import GoalManoeuvre
 from thumper.navigation.controllers.move_ahead import MoveAhead
 from thumper.navigation.controllers.path_follower import PathFollower
 from thumper.navigation.controllers.speed_limiter import SpeedLimiter
@@ -86,6 +87,7 @@ class NavigatorParts:
                 PoseSequenceFollower(options.manoeuvre, limits, padded, lattice),
                 FinalApproach(limits, padded, approach_m_s=options.approach_m_s),
                 MoveAhead(limits, padded),
+                GoalManoeuvre(PoseSequenceFollower(options.manoeuvre, limits, padded, lattice), padded),
                 window_m=options.costmap.window_m,
             ),
             speed_limiter=SpeedLimiter(limits, approach_m_s=options.approach_m_s),

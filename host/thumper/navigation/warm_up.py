@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from thumper.common.geometry import Pose2, Twist2
+from thumper.common.resumable import run_to_end
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.controller import ControlRequest
 from thumper.navigation.costmap.costmap import Costmap, build_costmap, part_of, square_around
@@ -13,6 +14,7 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, find_frontiers
+from thumper.navigation.planners.goal_poses import goal_poses
 from thumper.navigation.planners.goal_validation import footprint_fits
 from thumper.navigation.planners.homotopy import is_same_side
 from thumper.navigation.planners.lattice import LatticePlanner
@@ -44,7 +46,9 @@ def _warm_up_planning(
 ) -> None:
     """Plan poses through a tight passage, compare paths, look for room at a goal and for frontiers."""
     goal = Goal(x_m=1.0, y_m=0.0)
-    LatticePlanner(options.lattice, options.traversal, footprint).poses(costmap, Pose2(), goal)
+    lattice = LatticePlanner(options.lattice, options.traversal, footprint)
+    lattice.poses(costmap, Pose2(), goal)
+    run_to_end(lattice.search_poses_to(costmap, Pose2(), *goal_poses(costmap, footprint, goal)))
     is_same_side(np.zeros((2, 2)), np.ones((2, 2)), costmap)
     part = part_of(costmap, *square_around(costmap, 0.0, 0.0, 1.0))
     for known in (costmap, part, replace(part, costs=part.costs.copy())):  # three memory layouts

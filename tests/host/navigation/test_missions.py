@@ -52,6 +52,28 @@ def test_rotates_first_and_ends_at_the_goal_heading() -> None:
     assert abs(goal.heading_error_rad(run.track[-1])) < goal.heading_tolerance_rad + 0.02
 
 
+@pytest.mark.parametrize("wall_m", [0.16, 0.20])
+def test_goal_along_a_wall_is_entered_in_its_heading(wall_m: float) -> None:
+    """The robot cannot turn 0.20 m from a wall; 0.16 m from it, it stops at the nearest pose that fits."""
+    goal = Goal(x_m=2.0, y_m=wall_m - 1.9, theta_rad=math.pi)
+    run = drive(ROOM, Pose2(), goal, AREA, conditions=Conditions(known_start=True))
+    assert_arrived(run, error_m=0.12)
+    assert abs(goal.heading_error_rad(run.track[-1])) < goal.heading_tolerance_rad + 0.02
+    if wall_m < 0.18:
+        assert "in the nearest pose with room for the robot: (" in run.reason
+        assert any("no room at the goal" in output.reason for output in run.outputs)
+    assert run.time_s < 40.0
+
+
+def test_goal_with_the_nose_in_a_wall_ends_soon() -> None:
+    """There is room along the wall, but not in the goal's heading."""
+    goal = Goal(x_m=1.5, y_m=-1.9 + 0.08, theta_rad=-0.5 * math.pi)
+    run = drive(ROOM, Pose2(), goal, AREA, conditions=Conditions(known_start=True))
+    assert run.state is NavigationState.FAILED
+    assert "there is no room for the robot at the goal" in run.reason
+    assert run.time_s < 25.0
+
+
 @pytest.mark.parametrize("goal", [(1.2, 0.3, 0.5 * math.pi), (-0.5, 0.4, None)], ids=["turned", "missed"])
 def test_smallest_tolerance_needs_no_second_approach(goal: tuple[float, float, float | None]) -> None:
     """The rotation moves the robot out of the tolerance; a goal just missed is behind it."""

@@ -7,6 +7,7 @@ import numpy as np
 from thumper.common.geometry import Twist2
 from thumper.navigation.controllers.controller import Controller, ControlRequest, ControlResult
 from thumper.navigation.controllers.final_approach import FinalApproach
+from thumper.navigation.controllers.goal_manoeuvre import GoalManoeuvre
 from thumper.navigation.controllers.move_ahead import MoveAhead
 from thumper.navigation.controllers.tight_passage import PoseSequenceFollower
 from thumper.navigation.goal import Goal
@@ -27,6 +28,7 @@ class PathFollower:
         pose_follower: PoseSequenceFollower,
         final_approach: FinalApproach,
         move_ahead: MoveAhead,
+        goal_manoeuvre: GoalManoeuvre,
         *,
         window_m: float,
     ) -> None:
@@ -34,6 +36,7 @@ class PathFollower:
         self._pose_follower = pose_follower
         self._final_approach = final_approach
         self._move_ahead = move_ahead
+        self.goal_manoeuvre = goal_manoeuvre
         self._local_goal_m = LOCAL_GOAL_FRACTION * window_m
         self._stationary_since_s: float | None = None
         self.dead_end = False  # the path's end is near, but the footprint cannot get there
@@ -45,6 +48,7 @@ class PathFollower:
         self._controller.reset()
         self._pose_follower.stop()
         self._final_approach.reset()
+        self.goal_manoeuvre.stop()
         self._stationary_since_s = None
         self.dead_end = self._to_path_end = self._was_at_path_end = False
 
@@ -55,6 +59,12 @@ class PathFollower:
 
         `stop_goal` is where to stop instead of at the goal, once the robot is near; None for the goal.
         """
+        if not self._pose_follower.is_planning and not self._pose_follower.active:
+            move = None if self.goal_manoeuvre.active else self._move_ahead.compute_command(request)
+            result = move or self.goal_manoeuvre.compute_command(request, goal)
+            if result is not None:
+                self._stationary_since_s = None
+                return result
         if self._pose_follower.is_planning:
             return self._plan_on(request) or ControlResult(command=Twist2())
         if self._pose_follower.active:
@@ -62,11 +72,9 @@ class PathFollower:
             if result is not None:
                 return result
             self._was_at_path_end |= self._to_path_end and self._pose_follower.reaches_goal
-        result = (
-            self._move_ahead.compute_command(request)
-            or self._final_approach.compute_command(request, stop_goal or goal, missed=stop_goal is not None)
-            or self._controller.compute_command(request)
-        )
+        result = self._final_approach.compute_command(
+            request, stop_goal or goal, missed=stop_goal is not None
+        ) or self._controller.compute_command(request)
         if result.command is not None and not is_still(result.command):
             self._stationary_since_s, self.dead_end = None, False
         elif self._stationary_since_s is None:

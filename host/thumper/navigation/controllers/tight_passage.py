@@ -4,6 +4,7 @@ In a corridor hardly wider than the robot, a controller that scores the twists o
 that all of them are bad: the way out may begin with a step back.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
 from typing import Annotated
@@ -11,11 +12,17 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt
 
-from thumper.common.geometry import FloatArray, Twist2, wrap_angle
+from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.common.resumable import Search, SlicedSearch
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
-from thumper.navigation.controllers.rotate_in_place import SLOWEST_TURN_RAD_S, poses_are_free
+from thumper.navigation.controllers.rotate_in_place import (
+    SLOWEST_TURN_RAD_S,
+    SWEEP_STEP_M,
+    SWEEP_STEP_RAD,
+    poses_are_free,
+)
 from thumper.navigation.controllers.stopping_check import braking_distance_s, simulated_poses
+from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.lattice import LatticePlanner
@@ -29,6 +36,8 @@ ROOM_M = 0.03  # beyond the circumscribed circle: enough for any controller
 SAME_PLACE_M = 1e-6
 SLOWEST_M_S = 0.05
 STEP_S = 0.05
+NEAR_M = 0.3  # the robot backs straight to a pose nearer than this
+SPARE_M = 0.02  # more room than usual beside a straight way that the search did not choose
 MAX_OFFSET_M = 0.08  # a robot further from its poses gives them up
 
 
@@ -72,7 +81,8 @@ class PoseSequenceFollower:
         self._lattice = lattice
         self._poses: FloatArray = np.empty((0, 3))
         self._index = 0
-        self._passage_only = self._was_tight = False
+        self._passage_only = self._was_tight = self._whole = False
+        self._fastest_m_s = options.v_m_s
         self._search = SlicedSearch[FloatArray]()
         self.active = False
         self.reaches_goal = False  # the poses lead to the goal, not only toward it
@@ -82,7 +92,7 @@ class PoseSequenceFollower:
 
         With `passage_only` the sequence ends as soon as the tight passage is behind the robot.
         """
-        self.active, self._passage_only = False, passage_only
+        self.active, self._passage_only, self._whole = False, passage_only, False
         if self._options.length_m == 0.0:
             self._search.start(_no_poses())
         else:
@@ -90,6 +100,32 @@ class PoseSequenceFollower:
             self._search.start(
                 self._lattice.search_poses(costmap, request.map_from_base, goal, known_ground=True)
             )
+
+    def plan_to(self, request: ControlRequest, ends: FloatArray, end_costs_m: FloatArray) -> None:
+        """Begin to plan poses that lead exactly to one of the ends; see `LatticePlanner.search_poses_to`."""
+        self.active, self._passage_only, self._whole = False, False, True
+        costmap = request.pose_costmap or request.costmap
+        self._search.start(self._direct_poses(request, costmap, ends, end_costs_m))
+
+    def _direct_poses(
+        self, request: ControlRequest, costmap: Costmap, ends: FloatArray, end_costs_m: FloatArray
+    ) -> Search[FloatArray]:
+        """Return poses to one of the ends: straight as far as that is free, then as planned."""
+        base = request.map_from_base
+        poses: FloatArray = yield from self._lattice.search_poses_to(costmap, base, ends, end_costs_m)
+        if len(poses) == 0:
+            return poses
+        direct: FloatArray = np.array(((*poses[0, :2], base.theta_rad), poses[0]))  # a turn on the spot
+        roomy = self._footprint.grown(SPARE_M)
+        index = 0
+        for last in range(len(poses) - 1, -1, -1):
+            way = straight_way(base, poses[last])
+            if poses_are_free(costmap, roomy, swept(way), base, unknown_blocks=False):
+                direct, index = way, last
+                break
+        result: FloatArray = np.vstack((direct, poses[index + 1 :]))
+        result[:, 2] = np.unwrap(result[:, 2])
+        return result
 
     def advance(self) -> bool | None:
         """Plan on; return whether there are poses to follow, or None while the planning goes on.
@@ -102,12 +138,18 @@ class PoseSequenceFollower:
         if len(poses) < 2:
             return False
         count = int(np.searchsorted(arc_lengths(poses), self._options.length_m)) + 1
-        self._poses = poses[: max(2, count)]
+        self._poses = poses[: max(2, count)] if not self._whole else poses
         self.reaches_goal = len(self._poses) == len(poses)
         self._index = 0
         self._was_tight = False
         self.active = True
         return True
+
+    @property
+    def last_pose(self) -> FloatArray:
+        """The end of the sequence: x, y, theta."""
+        pose: FloatArray = self._poses[-1]
+        return pose
 
     @property
     def is_planning(self) -> bool:
@@ -127,6 +169,9 @@ class PoseSequenceFollower:
         tight = not self._has_room(request)
         passed = self._passage_only and self._was_tight and not tight
         self._was_tight |= tight
+        self._fastest_m_s = self._options.v_m_s
+        if self._whole and not tight:
+            self._fastest_m_s = max(self._fastest_m_s, request.v_limit_m_s)
         wanted = None if passed else self._wanted(request)
         if wanted is None:
             self.active = False
@@ -205,7 +250,7 @@ class PoseSequenceFollower:
         forward = segment.step_m @ np.array((math.cos(heading_rad), math.sin(heading_rad))) > 0.0
         room_m = left_m + self._same_direction_m(forward)
         speed = stoppable_speed(room_m, self._limits.v_accel_m_s2, self._limits.latency_s)
-        v_m_s = math.copysign(min(self._options.v_m_s, max(SLOWEST_M_S, speed)), 1.0 if forward else -1.0)
+        v_m_s = math.copysign(min(self._fastest_m_s, max(SLOWEST_M_S, speed)), 1.0 if forward else -1.0)
         feed_forward = abs(v_m_s) * segment.turn_rad / segment.length_m
         w_rad_s = feed_forward - HEADING_GAIN * abs(v_m_s) * error_rad - SIDE_GAIN * v_m_s * side_m
         limit = self._limits.w_max_rad_s
@@ -221,6 +266,37 @@ class PoseSequenceFollower:
                 break
             total_m += math.hypot(*step_m)
         return total_m
+
+
+def straight_way(start: Pose2, end: FloatArray) -> FloatArray:
+    """Return the poses of a turn, a straight drive forward and a turn to a pose, shape (4, 3).
+
+    The drive is backward if the end lies behind and is near.
+    """
+    bearing_rad = math.atan2(end[1] - start.y_m, end[0] - start.x_m)
+    distance_m = math.dist((start.x_m, start.y_m), end[:2])
+    if distance_m < NEAR_M and abs(wrap_angle(bearing_rad - start.theta_rad)) > 0.5 * math.pi:
+        bearing_rad += math.pi
+    first_rad = start.theta_rad + wrap_angle(bearing_rad - start.theta_rad)
+    last_rad = first_rad + wrap_angle(end[2] - first_rad)
+    return np.array(
+        (
+            (start.x_m, start.y_m, start.theta_rad),
+            (start.x_m, start.y_m, first_rad),
+            (end[0], end[1], first_rad),
+            (end[0], end[1], last_rad),
+        )
+    )
+
+
+def swept(poses: FloatArray) -> FloatArray:
+    """Return the poses between straight moves and turns on the spot, close to each other, shape (m, 3)."""
+    pieces = []
+    for start, end in itertools.pairwise(poses):
+        way = math.dist(start[:2], end[:2]) / SWEEP_STEP_M + abs(end[2] - start[2]) / SWEEP_STEP_RAD
+        parts = np.linspace(0.0, 1.0, math.ceil(way) + 1)[:, None]
+        pieces.append(start + parts * (end - start))
+    return np.vstack(pieces)
 
 
 def _no_poses() -> Search[FloatArray]:

@@ -27,21 +27,23 @@ NEAREST_PLACES, OTHER_PLACES = 200, 200  # most places that are checked within t
 
 
 def footprint_fits(costmap: Costmap, footprint: Footprint, goal: Goal) -> bool:
-    """Return whether the footprint is free of obstacles at some pose within the tolerance of the goal.
+    """Return whether the footprint is free of obstacles at some pose within the tolerances of the goal.
 
     Checks the cells nearest to the goal and, if the tolerance is large, an even choice of the others.
     """
     grid = CollisionGrid.from_costmap(costmap, footprint)
     grid = grid._replace(outline=filled(footprint, 0.5 * costmap.resolution_m))
-    return any_pose_is_free(grid, _places_m(costmap.resolution_m, goal))
+    headings_rad: FloatArray = math.tau / HEADINGS * np.arange(HEADINGS, dtype=np.float64)
+    if goal.theta_rad is not None:
+        headings_rad = goal.theta_rad + goal.heading_tolerance_rad * np.linspace(-1.0, 1.0, 5)
+    return any_pose_is_free(grid, _places_m(costmap.resolution_m, goal), headings_rad)
 
 
 @kernel
-def any_pose_is_free(grid: CollisionGrid, places_m: FloatArray) -> bool:
+def any_pose_is_free(grid: CollisionGrid, places_m: FloatArray, headings_rad: FloatArray) -> bool:
     """Return whether the footprint is free of obstacles at one of the places, shape (n, 2)."""
     for i in range(places_m.shape[0]):
-        for k in range(HEADINGS):
-            heading = 2.0 * math.pi * k / HEADINGS
+        for heading in headings_rad:
             if lethal_count(grid, False, places_m[i, 0], places_m[i, 1], heading) <= 0:
                 return True
     return False

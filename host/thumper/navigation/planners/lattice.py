@@ -100,11 +100,50 @@ class LatticePlanner:
             cells=cells,
             potential=potential,
             grid=grid._replace(origin=np.zeros(2), resolution=1.0, outline=grid.outline / cell_m),
-            start=np.append(ends.start_cells, map_from_base.theta_rad),
-            goal=(np.array((goal.x_m, goal.y_m)) - costmap.origin_m) / cell_m,
-            goal_radius=max(LEAST_GOAL_RADIUS_CELLS, goal.tolerance_m / cell_m),
+            starts=np.append(ends.start_cells, map_from_base.theta_rad)[None],
+            start_costs=np.zeros(1),
+            end=(np.array((goal.x_m, goal.y_m)) - costmap.origin_m) / cell_m,
+            end_radius=max(LEAST_GOAL_RADIUS_CELLS, goal.tolerance_m / cell_m),
+            robot=np.append(ends.start_cells, map_from_base.theta_rad),
+            backward=False,
         )
         poses = yield from search_lattice(problem, self._weights(cell_m, known_ground))
+        poses[:, :2] = poses[:, :2] * cell_m + costmap.origin_m
+        return poses
+
+    def search_poses_to(
+        self, costmap: Costmap, map_from_base: Pose2, ends: FloatArray, end_costs_m: FloatArray
+    ) -> Search[FloatArray]:
+        """Return poses, shape (n, 3), that lead exactly to one of the ends, shape (m, 3); or none.
+
+        The headings of the ends differ by multiples of the lattice's; each has a cost, shape (m,), in metres
+        of free space. Searches from the ends back to the robot, which then turns to the first pose.
+        """
+        cells = self.cell_costs(costmap)
+        x_m, y_m, _ = ends[0]
+        found = find_ends(
+            costmap, cells, map_from_base, Goal(x_m=x_m, y_m=y_m), self._traversal.escape_radius_m
+        )
+        if isinstance(found, str):
+            return np.empty((0, 3))
+        cell_m = costmap.resolution_m
+        source = found.start
+        potential = yield from search_dijkstra(cells, source, -1, False, POTENTIAL_MARGIN)
+        starts = ends.copy()
+        starts[:, :2] = (ends[:, :2] - costmap.origin_m) / cell_m
+        grid = CollisionGrid.from_costmap(costmap, self._footprint)
+        problem = LatticeProblem(
+            cells=cells,
+            potential=potential,
+            grid=grid._replace(origin=np.zeros(2), resolution=1.0, outline=grid.outline / cell_m),
+            starts=starts,
+            start_costs=end_costs_m / cell_m,
+            end=found.start_cells,
+            end_radius=LEAST_GOAL_RADIUS_CELLS,
+            robot=np.append(found.start_cells, map_from_base.theta_rad),
+            backward=True,
+        )
+        poses = yield from search_lattice(problem, self._weights(cell_m, known_ground=True))
         poses[:, :2] = poses[:, :2] * cell_m + costmap.origin_m
         return poses
 

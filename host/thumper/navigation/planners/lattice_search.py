@@ -34,11 +34,14 @@ class LatticeProblem(NamedTuple):
     """What is searched; all lengths in cells."""
 
     cells: CellCosts
-    potential: CostArray  # shape (rows * cols,), from the goal, as `search_dijkstra` returns it
+    potential: CostArray  # shape (rows * cols,), from the end, as `search_dijkstra` returns it
     grid: CollisionGrid  # origin 0, resolution 1
-    start: FloatArray  # x, y, theta
-    goal: FloatArray  # x, y
-    goal_radius: float  # a pose this near to the goal ends the search
+    starts: FloatArray  # x, y, theta, shape (n, 3); the headings differ by multiples of TURN_RAD
+    start_costs: FloatArray  # shape (n,)
+    end: FloatArray  # x, y
+    end_radius: float  # a pose this near to the end ends the search
+    robot: FloatArray  # x, y, theta
+    backward: bool  # from poses at the goal to the robot, against the motion
 
 
 class LatticeWeights(NamedTuple):
@@ -64,8 +67,8 @@ class Nodes(NamedTuple):
 
 
 @kernel
-def with_root(start: FloatArray) -> Nodes:
-    """Return the tree that holds the start, node 0."""
+def with_roots(starts: FloatArray, costs: FloatArray) -> Nodes:
+    """Return the tree that holds the starts, shape (n, 3), n <= FIRST_NODES."""
     nodes = Nodes(
         np.empty(FIRST_NODES),
         np.empty(FIRST_NODES),
@@ -74,7 +77,9 @@ def with_root(start: FloatArray) -> Nodes:
         np.empty(FIRST_NODES, np.int32),
         np.zeros(FIRST_NODES, np.bool_),
     )
-    nodes.x[0], nodes.y[0], nodes.cost[0], nodes.heading[0], nodes.parent[0] = start[0], start[1], 0.0, 0, -1
+    for i in range(starts.shape[0]):
+        nodes.x[i], nodes.y[i], nodes.cost[i], nodes.parent[i] = starts[i, 0], starts[i, 1], costs[i], -1
+        nodes.heading[i] = round((starts[i, 2] - starts[0, 2]) / TURN_RAD) % HEADINGS
     return nodes
 
 
@@ -103,12 +108,30 @@ def motion_of(move: int) -> tuple[int, float]:
 
 
 @kernel
+def moved(x: float, y: float, mean_theta: float, length: float) -> tuple[float, float]:
+    """Return the place at the end of a move."""
+    return x + length * math.cos(mean_theta), y + length * math.sin(mean_theta)
+
+
+@kernel
 def is_free(
     grid: CollisionGrid, x: float, y: float, theta: float, allowed: int, unknown_blocks: bool
 ) -> bool:
     """Return whether at most `allowed` outline points are on obstacles (or unknown cells if these block)."""
     hits = lethal_count(grid, unknown_blocks, x, y, theta)
     return 0 <= hits <= allowed
+
+
+@kernel
+def turn_is_free(problem: LatticeProblem, theta: float, allowed: int, unknown_blocks: bool) -> bool:
+    """Return whether the robot can turn to a heading on the spot, by the smaller angle."""
+    x, y, start = problem.robot
+    angle = (theta - start + math.pi) % math.tau - math.pi
+    count = math.ceil(2.0 * abs(angle) / TURN_RAD)
+    for i in range(1, count + 1):
+        if not is_free(problem.grid, x, y, start + angle * i / count, allowed, unknown_blocks):
+            return False
+    return True
 
 
 @kernel
@@ -134,15 +157,11 @@ def move_is_free(
     start: tuple[float, float, float],
     motion: tuple[int, float],
     allowed: int,
-    known_ground: bool,
+    needs_known: bool,
 ) -> bool:
-    """Return whether the footprint is free at the end and in the middle of a move from `start`.
-
-    With `known_ground` a move backward and a rotation need known ground: the robot is blind there.
-    """
+    """Return whether the footprint is free at the end and in the middle of a move from `start`."""
     x, y, theta = start
     change, length = motion
-    needs_known = known_ground and length <= 0.0
     mean = theta + 0.5 * change * TURN_RAD
     nx, ny = x + length * math.cos(mean), y + length * math.sin(mean)
     if not is_free(problem.grid, nx, ny, theta + change * TURN_RAD, allowed, needs_known):
@@ -187,11 +206,10 @@ def lattice_slice(
     problem: LatticeProblem, weights: LatticeWeights, bins: Bins, progress: SearchState, budget: int
 ) -> SearchState:
     """Close up to `budget` nodes."""
-    start = problem.start
+    start, robot, direction = problem.starts[0], problem.robot, -1 if problem.backward else 1
     rows, cols = problem.cells.costs.shape
-    bins_x = cols // BIN_CELLS + 1
     nodes, keys, items, size, count, last = progress
-    touching = max(0, lethal_count(problem.grid, False, start[0], start[1], start[2]))
+    touching = max(0, lethal_count(problem.grid, False, robot[0], robot[1], robot[2]))
     while budget > 0 and size > 0 and count < weights.max_nodes:
         node = heap_pop(keys, items, size)
         size -= 1
@@ -200,14 +218,18 @@ def lattice_slice(
         nodes.closed[node] = True
         budget -= 1
         x, y = nodes.x[node], nodes.y[node]
-        if math.hypot(x - problem.goal[0], y - problem.goal[1]) <= problem.goal_radius:
+        theta = start[2] + nodes.heading[node] * TURN_RAD
+        if math.hypot(x - problem.end[0], y - problem.end[1]) <= problem.end_radius and (
+            not problem.backward or turn_is_free(problem, theta, touching, weights.known_ground)
+        ):
             last = node
             break
-        theta = start[2] + nodes.heading[node] * TURN_RAD
         for move in range(MOVES):
             change, length = motion_of(move)
-            mean = theta + 0.5 * change * TURN_RAD
-            nx, ny = x + length * math.cos(mean), y + length * math.sin(mean)
+            needs_known = weights.known_ground and length <= 0.0
+            weight = weights.reverse if length < 0.0 else 1.0  # of the robot's motion
+            change, length = direction * change, direction * length
+            nx, ny = moved(x, y, theta + 0.5 * change * TURN_RAD, length)
             col, row = math.floor(nx), math.floor(ny)
             if not (1 <= col < cols - 1 and 1 <= row < rows - 1):
                 continue
@@ -216,15 +238,14 @@ def lattice_slice(
                 continue
             heading = (nodes.heading[node] + change) % HEADINGS
             bin_row, bin_col = row // BIN_CELLS, (col // BIN_CELLS) * HEADINGS + heading
-            slot = bin_row * bins_x * HEADINGS + bin_col
+            slot = bin_row * (cols // BIN_CELLS + 1) * HEADINGS + bin_col
             other = bins.node_at[slot] - 1
             cell_cost = min(float(cost_at(problem.cells, row, col)), MAX_CELL_COST)
-            drive_cost = abs(length) * cell_cost * (weights.reverse if length < 0.0 else 1.0)
-            cost = nodes.cost[node] + abs(change) * TURN_RAD * weights.turn + drive_cost
+            cost = nodes.cost[node] + abs(change) * TURN_RAD * weights.turn + abs(length) * cell_cost * weight
             if other >= 0 and (nodes.closed[other] or nodes.cost[other] <= cost):
                 continue
-            allowed = touching if math.hypot(nx - start[0], ny - start[1]) < weights.escape_radius else 0
-            if not move_is_free(problem, (x, y, theta), (change, length), allowed, weights.known_ground):
+            allowed = touching if math.hypot(nx - robot[0], ny - robot[1]) < weights.escape_radius else 0
+            if not move_is_free(problem, (x, y, theta), (change, length), allowed, needs_known):
                 continue
             nodes, keys, items = with_room(nodes, keys, items, size, count)
             if other >= 0:
@@ -241,25 +262,30 @@ def lattice_slice(
 
 
 def search_lattice(problem: LatticeProblem, weights: LatticeWeights) -> Search[FloatArray]:
-    """Return poses (x, y, theta), shape (n, 3), from the start to near the goal; empty if there are none.
+    """Return poses (x, y, theta), shape (n, 3), in the order of the motion; empty if there are none.
 
-    The headings are continuous: a turn to the right begins with a smaller heading, not with one near 2 pi.
-    Gives up after `max_nodes` nodes. The footprint must be free everywhere but near the start.
+    They lead from the start to near the end; if `backward`, from near the robot to one of the starts. The
+    headings are continuous: a turn to the right begins with a smaller heading, not with one near 2 pi.
+    Gives up after `max_nodes` nodes. The footprint must be free everywhere but near the robot.
     """
     rows, cols = problem.cells.costs.shape
     bin_rows, bin_cols = rows // BIN_CELLS + 1, (cols // BIN_CELLS + 1) * HEADINGS
-    row, col = int(problem.start[1]) // BIN_CELLS, int(problem.start[0]) // BIN_CELLS * HEADINGS
+    row, col = int(problem.starts[0, 1]) // BIN_CELLS, int(problem.starts[0, 0]) // BIN_CELLS * HEADINGS
     reached = reached_from(row, col)
     bins = Bins(sparse_zeros(bin_rows, bin_cols, np.int32, reached), reached)
     keys, items = np.empty(FIRST_NODES), np.empty(FIRST_NODES, np.int32)
-    heap_push(keys, items, 0, 0.0, 0)
-    progress = SearchState(with_root(problem.start), keys, items, 1, 1, GOES_ON)
+    count = len(problem.starts)
+    for i, (x, y, _) in enumerate(problem.starts):
+        left = potential_at(problem.potential, int(y) * cols + int(x))
+        heap_push(keys, items, i, problem.start_costs[i] + weights.heuristic * float(left), i)
+    nodes = with_roots(problem.starts, problem.start_costs)
+    progress = SearchState(nodes, keys, items, count, count, GOES_ON)
     while True:
         progress = lattice_slice(problem, weights, bins, progress, LATTICE_NODES)
         if progress.last == NO_PATH:
             return np.empty((0, 3))
         if progress.last >= 0:
-            poses = trace_poses(progress.nodes, progress.last, problem.start[2])
+            poses = trace_poses(progress.nodes, progress.last, problem.starts[0, 2])
             poses[:, 2] = np.unwrap(poses[:, 2])
-            return poses
+            return np.ascontiguousarray(poses[::-1]) if problem.backward else poses
         yield

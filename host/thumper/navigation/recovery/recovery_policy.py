@@ -8,6 +8,7 @@ from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.local_model import LocalModel
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
+from thumper.navigation.planners.goal_poses import goal_poses
 from thumper.navigation.planners.goal_validation import footprint_fits
 from thumper.navigation.planners.planner import Planner
 from thumper.navigation.recovery.behaviors import RecoveryBehaviors, RecoveryOptions
@@ -84,7 +85,7 @@ class RecoveryPolicy:
         stationary = self.is_stationary(time_s)
         self._dead_end = stationary and dead_end
         is_close = stationary and left_m < self._goal.tolerance_m + self._footprint.circumscribed_radius_m
-        if (self._dead_end or is_close) and self._can_never_fit():
+        if (self._dead_end or is_close) and self._can_never_fit(request):
             self._behaviors.abort()
         elif not self._dead_end:
             return progress.problem
@@ -107,7 +108,7 @@ class RecoveryPolicy:
     def start_recovery(self, time_s: float, request: ControlRequest, problem: str) -> Stop | None:
         """Start the next recovery; return why the drive ends if there is none left."""
         self._rejected_since_s = None
-        only_rotate = self._dead_end or self._is_unreachable(request) or self._can_never_fit()
+        only_rotate = self._dead_end or self._is_unreachable(request) or self._can_never_fit(request)
         if self._behaviors.start(time_s, request, only_rotate=only_rotate):
             self.current = f"{self._behaviors.name}, because {problem}"
             return None
@@ -132,10 +133,12 @@ class RecoveryPolicy:
             return False
         return self._reachability.is_unreachable(self._costmap, request.map_from_base, self._goal)
 
-    def _can_never_fit(self) -> bool:
-        """Return whether the goal never had room for the robot."""
+    def _can_never_fit(self, request: ControlRequest) -> bool:
+        """Return whether the goal never had room for the robot, and has none in the finer window."""
         if self._costmap is None:
             return False
         radius_m = self._goal.tolerance_m + self._footprint.circumscribed_radius_m
         around = self._reachability.optimistic_around(self._costmap, self._goal, radius_m)
-        return not footprint_fits(around, self._footprint, self._goal)
+        if footprint_fits(around, self._footprint, self._goal):
+            return False
+        return len(goal_poses(request.costmap, self._footprint, self._goal).poses) == 0

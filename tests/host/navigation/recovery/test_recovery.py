@@ -296,7 +296,7 @@ def drive_near_wall(goal: Goal, seed: int) -> Run:
 def test_stationary_within_the_tolerance_is_reached(seed: int) -> None:
     run = drive_near_wall(Goal(x_m=-1.55, y_m=0.3, tolerance_m=0.3), seed)
     assert run.state is NavigationState.REACHED
-    assert run.time_s < 15.0  # 11 s; with the recoveries of a stuck robot 18 ... 20 s
+    assert run.time_s < 17.0  # 15 s; with the recoveries of a stuck robot 18 ... 20 s
     assert run.clearance_m > 0.0
 
 
