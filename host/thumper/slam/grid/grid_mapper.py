@@ -15,6 +15,7 @@ from thumper.slam.grid.grid_matcher import GridMatcher, Match, Prediction
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.kidnap_detector import KidnapDetector
 from thumper.slam.grid.options import GridMapperOptions
+from thumper.slam.grid.slide_detector import SlideDetector
 from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.scan_matching.gauss_newton import MIN_HITS, degenerate_direction, odometry_information
 from thumper.slam.scan_matching.pose_covariance import PoseCovariance
@@ -47,6 +48,7 @@ class GridMapper:
         self._path = array("d")  # x, y, theta of each scan in turn, compact: a robot runs for days
         self._covariance = PoseCovariance(self._options.confidence)
         self._kidnap = KidnapDetector(self._options.integrate_distance_m, self._options.integrate_angle_rad)
+        self._slide = SlideDetector(self._options.confidence.lost_beyond_m)
         self.hit_grid = HitGrid(
             self._options.resolution_m, self._options.reach_m, self._options.occupied_fraction
         )
@@ -63,13 +65,13 @@ class GridMapper:
 
     def quality(self) -> PoseQuality:
         """Return the covariance of the newest pose and whether it is lost."""
-        quality, moved = self._covariance.quality(), self._kidnap.lost
+        quality, moved = self._covariance.quality(), self._kidnap.lost or self._slide.lost
         return replace(quality, lost=quality.lost or moved, has_drifted=quality.has_drifted and not moved)
 
     @property
     def kidnapped(self) -> bool:
-        """Whether the robot was carried away: only a search of the whole map can find it."""
-        return bool(self._kidnap.lost)
+        """Whether the robot was carried away, or its pose slid: only a whole-map search can find it."""
+        return bool(self._kidnap.lost or self._slide.lost)
 
     def resume_at(self, map_from_base: Pose2, map_from_odom: Pose2, covariance: FloatArray) -> None:
         """Continue in the same map from a pose that another estimator found at a newer scan."""
@@ -77,12 +79,17 @@ class GridMapper:
         self._odom_from_base = map_from_odom.inverse() @ map_from_base
         self._covariance.reset(covariance)
         self._kidnap.reset()
+        self._slide.reset()
 
     def replace_map(self, hit_grid: HitGrid, map_from_base: Pose2) -> None:
         """Continue in another map, where the robot is at `map_from_base` and a scan was just inserted."""
         if self._odom_from_base is not None:
             self._map_from_odom = map_from_base @ self._odom_from_base.inverse()
         self.hit_grid, self._pose, self._inserted_at = hit_grid, map_from_base, map_from_base
+
+    def trust_pose(self) -> None:
+        """Forget that the match slid: a loop closure has found the pose."""
+        self._slide.reset()
 
     def path(self) -> FloatArray:
         """Return x, y, theta at each scan, shape (scans, 3). One hypothesis never revises them."""
@@ -137,7 +144,9 @@ class GridMapper:
             degenerate = degenerate_direction(predicted.theta_rad, hits_m)
             match = self._match(points, predicted, moved, degenerate, turn_std_rad)
             evidence = self._matcher().evidence(points, match.pose)
-            self._kidnap.update(evidence, hits_m, moved, self._pose.inverse() @ match.pose)
+            matched = self._pose.inverse() @ match.pose
+            self._kidnap.update(evidence, hits_m, moved, matched)
+            self._slide.update(hits_m, moved, matched, match.pose.theta_rad)
             if self._kidnap.suspect:
                 match = replace(match, pose=predicted)
             new_area = not self._is_explained(match) and evidence.shows_new_area

@@ -206,6 +206,7 @@ class GraphMapper:
         self._graph_from_front_end = correction @ self._graph_from_front_end
         self._solver = None
         self.loops_closed += 1
+        self._front_end.trust_pose()
         self._additions = None
         self._rebuild_active(NUCLEUS_M)
         self._next_whole_map = self._empty_whole_map()
