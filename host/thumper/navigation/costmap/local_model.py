@@ -1,7 +1,6 @@
 """The obstacles round the robot, from map, scan and memory: as costmaps and as points."""
 
 import math
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +22,6 @@ from thumper.navigation.state import CycleInput
 # correction of the odometry: wheels slip, and the surroundings stay where they are.
 JUMP_M, JUMP_RAD = 0.10, 0.10
 DRIFT_M_S, DRIFT_RAD_S = 0.02, 0.02  # allowed in addition while no cycle ran
-# Wheels that turned only little lately slip only little. Then a larger correction is an error of the scan
-# matching, as while somebody stands before the lidar: what is beside the robot stays beside it.
-SLIP_PER_M, SLIP_RAD_PER_M, SLIP_M_PER_RAD, SLIP_RAD_PER_RAD = 0.5, 0.3, 0.05, 0.3
-LATELY_S = 0.5
 
 
 class ObstaclePoints(NamedTuple):
@@ -43,16 +38,6 @@ class ObstaclePoints(NamedTuple):
 
 NOTHING: FloatArray = np.empty((0, 2))
 NO_OBSTACLES = ObstaclePoints(NOTHING, np.empty(0), 0)
-
-
-class _Slip(NamedTuple):
-    """The motion by odometry in one cycle, and its correction that counts as slip."""
-
-    time_s: float
-    way_m: float
-    turn_rad: float
-    slip_m: float
-    slip_rad: float
 
 
 class LocalModel:
@@ -77,7 +62,6 @@ class LocalModel:
         self._planning_memory = ObstacleMemory(memory, memory.planning_radius_m, view, radius_m)
         self._unseen = UnseenGround(footprint, view)
         self._last: CycleInput | None = None
-        self._lately: deque[_Slip] = deque()
         self.jumped = False  # the map has jumped in this cycle
         self.costmap: Costmap | None = None  # of the newest cycle, for planning
         self.local_costmap: Costmap | None = None  # finer, round the robot, for the controllers
@@ -141,20 +125,6 @@ class LocalModel:
         turned_rad = abs(math.remainder(new_from_old.theta_rad, math.tau))
         idle_s = max(0.0, cycle.time_s - last.time_s)
         self.jumped = moved_m > JUMP_M + DRIFT_M_S * idle_s or turned_rad > JUMP_RAD + DRIFT_RAD_S * idle_s
-        if self.jumped or not self._is_slip(cycle, here, moved_m, turned_rad):
+        if self.jumped:
             for remembered in (self._control_memory, self._planning_memory, self._unseen):
                 remembered.move(new_from_old)
-
-    def _is_slip(self, cycle: CycleInput, here: Pose2, moved_m: float, turned_rad: float) -> bool:
-        """Return whether the wheels can have slipped so far lately; the last pose is `here` now."""
-        step = here.inverse() @ cycle.map_from_base
-        now = _Slip(cycle.time_s, math.hypot(step.x_m, step.y_m), abs(step.theta_rad), moved_m, turned_rad)
-        self._lately.append(now)
-        while self._lately[0].time_s < cycle.time_s - LATELY_S:
-            self._lately.popleft()
-        _, way_m, turn_rad, slip_m, slip_rad = np.sum(self._lately, axis=0)
-        is_slip = slip_m <= SLIP_PER_M * way_m + SLIP_M_PER_RAD * turn_rad
-        is_slip &= slip_rad <= SLIP_RAD_PER_RAD * turn_rad + SLIP_RAD_PER_M * way_m
-        if not is_slip:
-            self._lately[-1] = now._replace(slip_m=0.0, slip_rad=0.0)
-        return bool(is_slip)

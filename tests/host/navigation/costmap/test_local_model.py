@@ -49,22 +49,6 @@ def test_a_post_behind_the_robot_follows_a_jump_of_the_map(correction: Pose2, fo
     assert model.obstacles.points_m[: model.obstacles.seen] == pytest.approx(expected_m, abs=1e-6)
 
 
-@pytest.mark.parametrize(("speed_m_s", "stays"), [(0.0, True), (0.2, False)], ids=["at rest", "driving"])
-def test_the_map_does_not_move_a_post_beside_a_robot_at_rest(speed_m_s: float, stays: bool) -> None:
-    """Matches that are up to 0.03 m off move the robot in the map; wheels at rest cannot have slipped."""
-    model = LocalModel(CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), FieldOfView())
-    model.update(cycle(0.0, AWAY, POST_IN_BASE, Pose2()))
-    for k in range(1, 12):
-        base = Pose2(x_m=0.1 * speed_m_s * k)
-        model.update(cycle(0.1 * k, base, np.empty((0, 2)), Pose2()))
-    for k in range(1, 7):  # no single correction is large
-        correction = Pose2(y_m=0.005 * k)
-        time_s, base = 1.1 + 0.1 * k, Pose2(x_m=0.1 * speed_m_s * (11 + k), y_m=0.005 * k)
-        model.update(cycle(time_s, base, np.empty((0, 2)), correction))
-    expected_m = (correction if stays else Pose2()).apply(POST_IN_BASE)
-    assert model.obstacles.points_m[: model.obstacles.seen] == pytest.approx(expected_m, abs=1e-6)
-
-
 def test_mixed_pixels_do_not_close_the_way_for_the_planner() -> None:
     """Behind a chair leg a point in the air, at another range in every scan; nothing returns from further."""
     model = LocalModel(CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), FieldOfView())
