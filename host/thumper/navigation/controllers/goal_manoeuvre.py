@@ -74,7 +74,7 @@ class GoalManoeuvre:
 
     def _begin(self, request: ControlRequest, goal: Goal) -> ControlResult | None:
         """Choose the poses, and begin to plan the way."""
-        self._stopping = False
+        self._stopping, self._blocked, self.place = False, 0, ""
         self._attempts += 1
         self._failed_m, self._cycles = goal.distance_m(request.map_from_base), 0
         costmap = request.pose_costmap or request.costmap
@@ -109,4 +109,6 @@ class GoalManoeuvre:
         self.arrived = goal.distance_m(base) <= goal.tolerance_m and (
             abs(goal.heading_error_rad(base)) <= goal.heading_tolerance_rad
         )
+        if not self.arrived:
+            self.place = ""  # the usual controllers go on, to the goal itself
         return ControlResult(command=Twist2()) if self.arrived else None

@@ -27,7 +27,8 @@ PASSED_M = 0.12  # a ray must have passed this far behind a hit
 LEAST_POINTS = 3
 LEAST_NEW_FRACTION = 0.5  # of an object's hits must be where rays had passed
 WIDEST_M = 1.0  # wider objects are walls
-FASTEST_M_S = 2.6  # a foot swings at twice the walking speed
+FASTEST_M_S = 2.6  # a foot swings at twice the walking speed, 1.3 m/s
+FURTHEST_M = 0.8  # after missed scans too: what is further away is another object
 # An earlier object is still there if at least this fraction of it is this near to hits that are not new.
 STATIC_M, LEAST_STILL_FRACTION = 0.08, 0.5
 LATELY_S = 5.0  # somebody who stands or is hidden for less may move again
@@ -142,7 +143,9 @@ class DynamicObstacles:
         before = [points_m for points_m in _objects(past.hits_m) if len(points_m) >= LEAST_POINTS]
         for points_m in new_objects:
             elapsed_s = scan.time_s - past.time_s
-            step_m = _step_from(points_m, before, np.vstack(static_m), FASTEST_M_S * elapsed_s)
+            step_m = _step_from(
+                points_m, before, np.vstack(static_m), min(FURTHEST_M, FASTEST_M_S * elapsed_s)
+            )
             velocity = step_m / elapsed_s
             if math.hypot(*velocity) >= self._options.least_m_s:
                 moving.append(MovingObject(points_m, velocity))

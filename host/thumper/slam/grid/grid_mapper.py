@@ -146,9 +146,9 @@ class GridMapper:
             evidence = self._matcher().evidence(points, match.pose)
             matched = self._pose.inverse() @ match.pose
             self._kidnap.update(evidence, hits_m, moved, matched)
-            self._slide.update(hits_m, moved, matched, match.pose.theta_rad)
             if self._kidnap.suspect:
-                match = replace(match, pose=predicted)
+                match, matched = replace(match, pose=predicted), moved
+            self._slide.update(hits_m, moved, matched, match.pose.theta_rad)
             new_area = not self._is_explained(match) and evidence.shows_new_area
             consistent = (new_area or self._is_explained(match)) and not self._kidnap.doubtful
             information = self._matcher().information(hits_m, match.pose)

@@ -58,6 +58,7 @@ class GraphMapper:
         self._solver: Solver | None = None
         self._active: set[int] = set()  # submaps in the active map
         self._active_m = self._loops.active_m  # distance along the graph that the active map covers so far
+        self._widens = False  # whether parts of it are missing since a loop closure
         self._trimmed_at_m = 0.0  # distance driven when the active map was last rebuilt
         # Maps under construction: old submaps to add to the active map, the next active map, and the whole
         # map, once it is larger than the active one, with its successor.
@@ -127,7 +128,7 @@ class GraphMapper:
         if self._add_node(update, scan, twist):
             self._on_submap_finished()
         parts = round((self.submaps.driven_m - driven_before_m) / PART_EVERY_M)
-        urgent = self._graph_from_front_end != Pose2() or self._active_m < self._loops.active_m
+        urgent = self._graph_from_front_end != Pose2() or self._widens
         self._run_parts(URGENT_PARTS if urgent else max(1, min(MAX_PARTS, parts)))
         # By now a loop may be closed, or the front end may work in another map.
         pose = self._graph_from_front_end @ self._front_end.map_from_base
@@ -227,6 +228,7 @@ class GraphMapper:
         while self._additions is None and self._active_m < self._loops.active_m:
             self._active_m = min(2.0 * self._active_m, self._loops.active_m)
             self._extend_active(self.submaps.within(self._active_m))
+        self._widens = self._additions is not None
 
     def _rebuild_active(self, distance_m: float = math.inf) -> None:
         """Start the next active map, with the submaps up to this distance; leave room for the others."""

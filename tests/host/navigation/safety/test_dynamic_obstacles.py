@@ -65,6 +65,13 @@ def test_the_swinging_leg_of_a_person_who_comes_is_detected() -> None:
     assert detected[4:] == [True, True]
 
 
+def test_after_missed_scans_a_far_object_is_another_one() -> None:
+    rng, found = np.random.default_rng(6), detector()
+    for time_s, y_m in ((0.0, -0.8), (0.1, -0.8), (0.8, 0.8)):
+        found.update(time_s, Pose2(), scan(hall(np.array(((1.6, y_m, 0.06),))), rng))
+    assert not found.moving
+
+
 def test_a_flickering_leg_beside_another_does_not_move() -> None:
     rng = np.random.default_rng(1)
     for flicker in (0.1, 0.3, 0.5, 0.9):
