@@ -42,7 +42,7 @@ def explore(
     """Explore an unknown place until no frontier is left, return to the start and save the map.
 
     The robot starts at the map's origin and faces along x. With --session, it starts at --start or localizes
-    itself. If the last run did not end regularly (power cut, crash), the robot resumes its map. Exits with 1
+    itself. If the last run did not end normally (power cut, crash), the robot resumes its map. Exits with 1
     if it did not return to its start.
 
     Example: `thumper explore --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --minutes 10`

@@ -25,7 +25,7 @@ STOOD_M = 0.05  # what the odometry of a standing robot may show
 
 @contextmanager
 def autosaved(robot: RobotLoop, out: Path) -> Iterator[None]:
-    """Save the session every few seconds; a run that ends regularly, with its map saved, removes the file.
+    """Save the session every few seconds; a run that ends normally, with its map saved, removes the file.
 
     So does a new run that fails before the robot has moved, for example because the goal is refused: there is
     nothing to resume.
@@ -48,7 +48,7 @@ def autosaved(robot: RobotLoop, out: Path) -> Iterator[None]:
 
 
 def load_interrupted(settings: RobotConfig, out: Path, start: Pose2 | None) -> SavedSlamState | None:
-    """Return the session of the last run into `out`, if that run did not end regularly.
+    """Return the session of the last run into `out`, if that run did not end normally.
 
     It holds the pose of the robot; a start pose that was given for the earlier run is wrong by now, and a
     line says that it is not used. A session without a wall is removed: the robot cannot find its place in it.
@@ -63,8 +63,7 @@ def load_interrupted(settings: RobotConfig, out: Path, start: Pose2 | None) -> S
         return None
     age_s = time.time() - path.stat().st_mtime
     print(
-        f"the last run did not end regularly: resuming its map of {age_s:.0f} s ago; "
-        "--fresh starts a new one",
+        f"the last run did not end normally: resuming its map of {age_s:.0f} s ago; --fresh starts a new one",
         flush=True,
     )
     try:
@@ -82,13 +81,13 @@ def load_interrupted(settings: RobotConfig, out: Path, start: Pose2 | None) -> S
 
 
 def set_aside_interrupted(out: Path) -> None:
-    """Rename the session of a run that did not end regularly, and print how to resume it later."""
+    """Rename the session of a run that did not end normally, and print how to resume it later."""
     path, kept = out / AUTOSAVE, out / INTERRUPTED
     if path.exists():
         path.replace(kept)
         if annotations_path(path).exists():
             annotations_path(path).replace(annotations_path(kept))
-        print(f"the last run did not end regularly: --session {kept} resumes its map", flush=True)
+        print(f"the last run did not end normally: --session {kept} resumes its map", flush=True)
 
 
 def save_map_and_session(robot: RobotLoop, out: Path) -> list[str]:

@@ -78,7 +78,7 @@ def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = 
     """Open the robot, with recording, bus and browser page as the options say.
 
     A robot that is `serving` needs the bus, and saves its map on request; for a drive both are optional. If
-    the last run did not end regularly, the robot resumes its map at the pose that was saved last.
+    the last run did not end normally, the robot resumes its map at the pose that was saved last.
     """
     if serving:
         check_address_free(settings.bus.address)  # the interrupted session may be that of a running robot

@@ -86,7 +86,7 @@ def run(
 
     --start defines the map frame. By default, the robot starts at the origin and faces along x. With --map or
     --session, the saved frame stays, and the robot first localizes in it. If the last run did not end
-    regularly (power cut, crash), the robot resumes its map.
+    normally (power cut, crash), the robot resumes its map.
 
     Example: `thumper run --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --goal 2.0 0.5`
     """

@@ -60,7 +60,7 @@ Session = Annotated[
 ]
 Fresh = Annotated[
     bool,
-    typer.Option("--fresh", help="Start a new map, even if the last run into --out did not end regularly."),
+    typer.Option("--fresh", help="Start a new map, even if the last run into --out did not end normally."),
 ]
 GoalTolerance = Annotated[
     float, typer.Option("--tolerance", min=0.02, max=1.0, help="Allowed distance from the goal, in metres.")
