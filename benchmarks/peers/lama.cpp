@@ -32,8 +32,6 @@ Mapper *lama_new(int particles, double gate) {
   return mapper;
 }
 
-void lama_delete(Mapper *mapper) { delete mapper; }
-
 // Add a scan: points [m] in the base frame, the lidar ahead of it [m], odometry x, y [m], theta [rad]. Write
 // the pose; return 1 if the scan was matched.
 int lama_update(Mapper *mapper, const double *points_m, int count, double ahead_m, const double *odometry,

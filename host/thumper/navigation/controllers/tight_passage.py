@@ -4,7 +4,6 @@ In a corridor hardly wider than the robot, a controller that scores the twists o
 that all of them are bad: the way out may begin with a step back.
 """
 
-import itertools
 import math
 from dataclasses import dataclass
 from typing import Annotated
@@ -17,9 +16,9 @@ from thumper.common.resumable import Search, SlicedSearch
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
 from thumper.navigation.controllers.rotate_in_place import (
     SLOWEST_TURN_RAD_S,
-    SWEEP_STEP_M,
-    SWEEP_STEP_RAD,
     poses_are_free,
+    straight_poses,
+    turn_poses,
 )
 from thumper.navigation.controllers.stopping_check import braking_distance_s, simulated_poses
 from thumper.navigation.costmap.costmap import Costmap
@@ -289,14 +288,16 @@ def straight_way(start: Pose2, end: FloatArray) -> FloatArray:
     )
 
 
-def swept(poses: FloatArray) -> FloatArray:
-    """Return the poses between straight moves and turns on the spot, close to each other, shape (m, 3)."""
-    pieces = []
-    for start, end in itertools.pairwise(poses):
-        way = math.dist(start[:2], end[:2]) / SWEEP_STEP_M + abs(end[2] - start[2]) / SWEEP_STEP_RAD
-        parts = np.linspace(0.0, 1.0, math.ceil(way) + 1)[:, None]
-        pieces.append(start + parts * (end - start))
-    return np.vstack(pieces)
+def swept(way: FloatArray) -> FloatArray:
+    """Return the poses along a `straight_way`, close to each other, shape (m, 3)."""
+    start, turned, there, end = (Pose2(x_m=x, y_m=y, theta_rad=theta) for x, y, theta in way.tolist())
+    return np.vstack(
+        (
+            turn_poses(start, turned.theta_rad - start.theta_rad),
+            straight_poses(turned, (turned.inverse() @ there).x_m),
+            turn_poses(there, end.theta_rad - there.theta_rad),
+        )
+    )
 
 
 def _no_poses() -> Search[FloatArray]:

@@ -127,8 +127,7 @@ class LatticePlanner:
         if isinstance(found, str):
             return np.empty((0, 3))
         cell_m = costmap.resolution_m
-        source = found.start
-        potential = yield from search_dijkstra(cells, source, -1, False, POTENTIAL_MARGIN)
+        potential = yield from search_dijkstra(cells, found.start, -1, False, POTENTIAL_MARGIN)
         starts = ends.copy()
         starts[:, :2] = (ends[:, :2] - costmap.origin_m) / cell_m
         grid = CollisionGrid.from_costmap(costmap, self._footprint)

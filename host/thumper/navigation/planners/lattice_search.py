@@ -163,11 +163,10 @@ def move_is_free(
     x, y, theta = start
     change, length = motion
     mean = theta + 0.5 * change * TURN_RAD
-    nx, ny = x + length * math.cos(mean), y + length * math.sin(mean)
+    nx, ny = moved(x, y, mean, length)
     if not is_free(problem.grid, nx, ny, theta + change * TURN_RAD, allowed, needs_known):
         return False
-    quarter = theta + 0.25 * change * TURN_RAD
-    mx, my = x + 0.5 * length * math.cos(quarter), y + 0.5 * length * math.sin(quarter)
+    mx, my = moved(x, y, theta + 0.25 * change * TURN_RAD, 0.5 * length)
     return is_free(problem.grid, mx, my, mean, allowed, needs_known)
 
 

@@ -141,11 +141,10 @@ class DynamicObstacles:
             elif len(points_m) >= LEAST_POINTS and np.ptp(points_m, axis=0).max() <= WIDEST_M:
                 new_objects.append(points_m)
         before = [points_m for points_m in _objects(past.hits_m) if len(points_m) >= LEAST_POINTS]
+        elapsed_s, still_m = scan.time_s - past.time_s, np.vstack(static_m)
+        furthest_m = min(FURTHEST_M, FASTEST_M_S * elapsed_s)
         for points_m in new_objects:
-            elapsed_s = scan.time_s - past.time_s
-            step_m = _step_from(
-                points_m, before, np.vstack(static_m), min(FURTHEST_M, FASTEST_M_S * elapsed_s)
-            )
+            step_m = _step_from(points_m, before, still_m, furthest_m)
             velocity = step_m / elapsed_s
             if math.hypot(*velocity) >= self._options.least_m_s:
                 moving.append(MovingObject(points_m, velocity))

@@ -47,9 +47,8 @@ class SlideDetector:
             self._restart(hits_m)
         elif way_m >= STRETCH_M:
             if self._moved.distance_m(self._matched) > SLID_SHARE * way_m and self._wheels_are_right(hits_m):
-                apart = self._moved.inverse() @ self._matched
-                cos, sin = math.cos(heading_rad), math.sin(heading_rad)
-                self._slid_m += (cos * apart.x_m - sin * apart.y_m, sin * apart.x_m + cos * apart.y_m)
+                slid = Pose2(theta_rad=heading_rad) @ self._moved.inverse() @ self._matched
+                self._slid_m += (slid.x_m, slid.y_m)
             self._restart(hits_m)
 
     def _wheels_are_right(self, hits_m: FloatArray) -> bool:
