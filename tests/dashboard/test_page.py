@@ -50,7 +50,7 @@ def test_fault_is_shown_with_its_fix(page: Page, robot: FakeRobot) -> None:
 
 def test_empty_log_says_so(page: Page) -> None:
     page.click(".tp-tab-log")
-    page.evaluate("document.querySelector('.tp-log').replaceChildren()")  # events of other tests
+    page.locator(".tp-log").evaluate("log => log.replaceChildren()")  # events of other tests
     text = "getComputedStyle(document.querySelector('.tp-log'), '::before').content"
     page.wait_for_function(f"{text} === '\"No events yet.\"'")
 
