@@ -134,7 +134,8 @@ class BusServer:
         if TOPICS[topic].latched:
             self._newest[topic] = message
         publisher = self._publishers[topic]
-        if publisher.matching_status:  # else nobody subscribes, and a large map takes milliseconds to encode
+        # Without a subscriber nothing is encoded: a large map takes milliseconds.
+        if publisher.matching_status.matching:  # type: ignore[attr-defined]  # Zenoh's stub says bool
             publisher.put(encode(message))
         self.statistics.sent += 1
 

@@ -19,6 +19,7 @@ class Subscription:
         self._is_latched = latched and TOPICS[topic].latched
         self._lock = threading.RLock()
         self._has_received = False  # since the robot appeared
+        self._fetched = b""  # the answer, until the next message has come
         self._subscriber: zenoh.Subscriber[None] | None = None
 
     def declare(self, session: zenoh.Session) -> None:
@@ -34,7 +35,8 @@ class Subscription:
                 # The answer may be late, and older than what has come: the newest comes to subscribers, too.
                 if reply.ok is not None and not self._has_received:
                     self._has_received = True
-                    self._receive(reply.ok.payload.to_bytes())
+                    self._fetched = reply.ok.payload.to_bytes()
+                    self._receive(self._fetched)
 
     def on_robot_lost(self) -> None:
         """Fetch again when the robot returns."""
@@ -43,4 +45,6 @@ class Subscription:
     def _on_sample(self, sample: zenoh.Sample) -> None:
         with self._lock:
             self._has_received = True
-            self._receive(sample.payload.to_bytes())
+            raw, fetched, self._fetched = sample.payload.to_bytes(), self._fetched, b""
+            if raw != fetched:  # else sent while it was fetched: it has come both ways
+                self._receive(raw)
