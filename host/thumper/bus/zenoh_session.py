@@ -4,6 +4,7 @@ import json
 import os
 import socket
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -33,6 +34,9 @@ MAX_SILENT, SILENT_S = 400, 3.0
 """Connections that may wait for their first message, and for how long: silent ones must not keep clients out
 for long. Together with `MAX_CLIENTS` fewer than the 1024 files of a process."""
 MAX_REPLY_BYTES = 64 * 1024 * 1024  # that a client reads: maps, reports
+
+_lock = threading.Lock()
+_sessions: list[zenoh.Session] = []  # closed ones are dropped when the next one opens
 
 
 def open_router(robot: str, options: BusOptions) -> zenoh.Session:
@@ -68,7 +72,7 @@ def open_router(robot: str, options: BusOptions) -> zenoh.Session:
         if path:
             settings["transport/auth/usrpwd/dictionary_file"] = path
         try:
-            return zenoh.open(_config(settings, options.token))
+            return open_session(_config(settings, options.token))
         except zenoh.ZError as error:
             raise ThumperError(f"the bus cannot listen at {address}: {_first_line(error)}") from error
 
@@ -84,7 +88,7 @@ def open_client(address: str, token: str, tls: str = "") -> zenoh.Session:
     try:
         # The authority signs this robot's certificate only, so the name adds nothing; addresses change.
         settings = _client_settings(address, keys_for("client", address, tls), verify_name=False)
-        return zenoh.open(_config(settings, token))
+        return open_session(_config(settings, token))
     except OSError as error:
         raise ThumperError(
             f"no robot is running at {address} ({error.strerror or error}); start one with `thumper run`",
@@ -110,7 +114,7 @@ def open_ros_client(router: str, token: str, tls: str = "") -> zenoh.Session:
         settings = _client_settings(router, keys_for("client", router, tls), verify_name=True)
         settings["timestamping/enabled"] = True  # the cache of latched topics needs it
         settings["transport/link/rx/max_message_size"] = MAX_REQUEST_BYTES
-        return zenoh.open(_config(settings, token))
+        return open_session(_config(settings, token))
     except OSError as error:
         raise ThumperError(
             f"no ROS 2 router at {router} ({error.strerror or error}); start it with "
@@ -123,6 +127,26 @@ def open_ros_client(router: str, token: str, tls: str = "") -> zenoh.Session:
             "a password ([ros] token) or keys ([ros] tls)",
             exit_code=EXIT_NOT_THERE,
         ) from error
+
+
+def open_session(config: zenoh.Config) -> zenoh.Session:
+    """Open a session that is closed when the main thread ends, if nobody has closed it before.
+
+    Without this a program that fails never ends: Python waits for Zenoh's threads before it closes anything.
+    """
+    session = zenoh.open(config)
+    with _lock:
+        if not _sessions:
+            threading.Thread(target=_close_at_exit, name="bus-exit").start()  # Python waits for it
+        _sessions[:] = [*(other for other in _sessions if not other.is_closed()), session]
+    return session
+
+
+def _close_at_exit() -> None:
+    threading.main_thread().join()
+    with _lock:
+        for session in _sessions:
+            session.close()  # type: ignore[no-untyped-call]
 
 
 def _client_settings(address: str, keys: BusKeys | None, *, verify_name: bool) -> dict[str, Any]:

@@ -1,6 +1,8 @@
 """Server and client of the bus, over a real Zenoh session."""
 
 import os
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -341,6 +343,21 @@ def test_client_fetches_latched_messages_of_a_restarted_robot() -> None:
         client.publish("estop", flag(True))
         assert losses == [True]
         server.close()
+
+
+def test_program_that_fails_ends() -> None:
+    program = f"""
+from thumper.bus.client import BusClient
+from thumper.bus.server import BusServer
+from thumper.config.bus import BusOptions
+from thumper.runtime.service.request_queue import RequestQueue
+
+server = BusServer("r1", BusOptions(address="127.0.0.1:{(port := free_port())}"), RequestQueue(), print)
+client = BusClient("r1", "127.0.0.1:{port}")
+client.subscribe("session", print)
+raise SystemExit(3)
+"""
+    assert subprocess.run([sys.executable, "-c", program], timeout=60.0, check=False).returncode == 3
 
 
 def test_message_that_is_fetched_and_sent_comes_once(robot: Robot) -> None:
