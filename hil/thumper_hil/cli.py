@@ -32,6 +32,8 @@ def demo(
 
     --seeds writes a table and one CSV row per drive. Then the exit status is 0 only if the robot reached
     every goal within 0.10 m (ground truth) without a contact, otherwise 1.
+
+    Example: `thumper demo --ui`, `thumper demo --seeds 20 --out out/seeds`
     """
     from rich.console import Console
 
@@ -121,7 +123,10 @@ def sim(
         ),
     ] = "",
 ) -> None:
-    """Serve a simulated robot on two pseudo-terminals in real time, for programs that expect hardware."""
+    """Serve a simulated robot on two pseudo-terminals in real time, for programs that expect hardware.
+
+    Example: `thumper sim --board-pty /tmp/board --lidar-pty /tmp/lidar --world house-4`
+    """
     from thumper_hil.bench.pty import serve
 
     serve(

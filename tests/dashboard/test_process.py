@@ -95,7 +95,7 @@ def test_page_ends_with_its_parent(beside: Beside) -> None:
 def test_page_that_dies_is_reported_and_starts_again(beside: Beside) -> None:
     (page,) = beside.pages()
     os.kill(page, signal.SIGKILL)
-    until(lambda: "the page has ended (signal 9); it starts again in 1 s" in beside.log.read_text())
+    until(lambda: "the dashboard has ended (signal 9); it starts again in 1 s" in beside.log.read_text())
     until(beside.answers)
     (again,) = beside.pages()  # and no zombie
     assert again != page
@@ -103,4 +103,4 @@ def test_page_that_dies_is_reported_and_starts_again(beside: Beside) -> None:
     beside.process.send_signal(signal.SIGINT)
     beside.process.wait(30.0)
     assert not beside.answers()
-    assert len(re.findall("the page has ended", beside.log.read_text())) == 1  # not for the wanted end
+    assert len(re.findall("the dashboard has ended", beside.log.read_text())) == 1  # not for the wanted end

@@ -71,7 +71,7 @@ def test_junk_writes_at_most_a_line_per_second(server: Server) -> None:
     time.sleep(1.0)
     lines = log_of(server).splitlines()[before:]
     assert 1 <= len(lines) <= 6 + time.monotonic() - started_s
-    assert all(line.startswith("thumper: page: ") for line in lines)
+    assert all(line.startswith("thumper: dashboard: ") for line in lines)
     assert visit(server) == 200
 
 

@@ -123,7 +123,7 @@ def test_button_of_a_transcript_copies_its_commands_only(browser: Browser, pages
     lines = page.evaluate("navigator.clipboard.readText()").splitlines()
     assert [line.partition(" #")[0].rstrip() for line in lines] == [
         "make firmware",
-        "thumper flash --port /dev/ttyUSB0",
+        "thumper flash --board /dev/ttyUSB0",
     ]
     context.close()
 

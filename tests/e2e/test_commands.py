@@ -118,7 +118,7 @@ def test_watch(thumper: Run, bus: str) -> None:
         (["status", "--bus", "127.0.0.1:1"], 3, "no robot is running at 127.0.0.1:1"),
         (["stop", "--bus", "nonsense"], 2, "use HOST:PORT"),
         (["dashboard", "--bus", "nonsense"], 2, "use HOST:PORT"),
-        (["flash", "--port", "/dev/null", "--hex", "none.hex"], 2, "none.hex: no such file"),
+        (["flash", "--board", "/dev/null", "--hex", "none.hex"], 2, "none.hex: no such file"),
         (["watch", "nonsense"], 2, "unknown topic 'nonsense'"),
         (["goto", "nan", "0"], 2, "finite"),
         (["goto", "1.5"], 2, "the Y is missing"),

@@ -5,6 +5,8 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+from benchmarks.shared.live import free_port
+
 from thumper.recording.reader import Recording, find_recordings
 from thumper.runtime.drive.data_age import LIDAR_LOST
 
@@ -15,7 +17,10 @@ def test_a_lost_lidar_ends_exploration_and_saves_the_map(thumper: Run, tmp_path:
     (tmp_path / "faults.toml").write_text('faults = [{ at_s = 6.0, lidar = "unplugged" }]\n')
     board = f"sim://robot/board?world=lab&scenario={tmp_path / 'faults.toml'}"
     out = tmp_path / "out"
-    done = thumper("explore", "--board", board, "--lidar", "sim://robot/lidar", "--out", out)
+    (tmp_path / "robot.toml").write_text(f"[dashboard]\nport = {free_port()}\n", encoding="utf-8")
+    ui = ("--ui", "--config", tmp_path / "robot.toml")
+    done = thumper("explore", "--board", board, "--lidar", "sim://robot/lidar", "--out", out, *ui)
+    assert "dashboard: http://" in done.stdout
     told = " ".join(done.stdout.split())
     assert done.returncode == 1, done.stderr
     assert "s: the lidar stopped sending scans; check its cable" in told.split("ended after")[1]

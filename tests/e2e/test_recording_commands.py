@@ -15,7 +15,7 @@ Thumper = Callable[..., "subprocess.CompletedProcess[str]"]
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (("replay", "none.mcap"), 2, "none.mcap: cannot read it"),
+        (("replay", "none.mcap"), 2, "none.mcap: cannot be read"),
         (("replay", "bad.mcap"), 2, "bad.mcap: not an MCAP file"),
         (("replay", "empty"), 2, "no recording"),
         (("export", "bad.mcap"), 2, "nothing to export"),

@@ -20,6 +20,8 @@ def campaign(
 
     An interrupted campaign continues where it stopped. The exit status is 1 if a drive failed or had a
     contact.
+
+    Example: `thumper campaign campaigns/robustness.toml --out out/robustness`
     """
     from importlib.util import find_spec
 

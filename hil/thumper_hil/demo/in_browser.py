@@ -100,7 +100,9 @@ def run_in_browser(out: Path, *, seed: int, console: Console, preset: str = "nom
         write_results(out, outcomes, {"seed": seed, "preset": preset}, console)
         print_next_steps(console, NEXT_STEPS[1:])  # the first is this demo
         if open_pages(url):
-            console.print("The demo is over. Now you can drive the robot on the page. Press Ctrl-C to stop.")
+            console.print(
+                "The demo is over. Now you can drive the robot on the dashboard. Press Ctrl-C to stop."
+            )
             robot.drive_manager.abort("the demo is over; now you can drive the robot")
             robot.publisher.add_sink(print_problems)
             robot.serve()

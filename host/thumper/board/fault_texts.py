@@ -4,7 +4,7 @@ from thumper.board.messages import AckStatus, Fault
 
 UNREADABLE = (
     "its saved parameters are unreadable, or of another firmware version; `thumper tune` measures and saves "
-    "the gains, the page sets the others"
+    "the gains, the dashboard sets the others"
 )
 REFUSAL_REASONS = {
     AckStatus.UNKNOWN_COMMAND: "it does not know this command; flash the firmware of this program's version",

@@ -32,7 +32,7 @@ def check_gyroscope(state: GyroscopeState) -> None:
     if state is GyroscopeState.OFF:
         raise ThumperError(
             "the board does not use its gyroscope: start with [imu] enabled = false, set gyroscope to 1 "
-            "(z axis up) or 2 (down) on the page under Gains, save it, and enable [imu] again",
+            "(z axis up) or 2 (down) on the dashboard under Gains, save it, and enable [imu] again",
             exit_code=EXIT_NOT_THERE,
         )
     if state is GyroscopeState.MISSING:

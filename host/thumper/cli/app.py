@@ -2,6 +2,7 @@
 
 import signal
 import sys
+from functools import partial
 from importlib.metadata import entry_points
 from itertools import islice
 from typing import Any, NoReturn, cast
@@ -74,6 +75,15 @@ PANELS = {  # the order of `thumper --help`
     "Maps": ("map-log", "plan", "edit"),
     "Measure": ("campaign", "experiment"),
 }
+TYPES = {  # Typer's names, and those of the help
+    "<float range>": "<number>",
+    "<float>": "<number>",
+    "<int range>": "<whole number>",
+    "<int>": "<whole number>",
+    "<str>": "<text>",
+    "<list[Path]>": "<path>",
+    "<list[str]>": "<text>",
+}
 
 
 class ErrorsWithContext:
@@ -88,23 +98,35 @@ class ErrorsWithContext:
             raise
 
 
-class FlagsWithoutType:
-    """Shows no type in the help of a flag: it takes no value."""
+class PlainTypes:
+    """Shows what an option takes in words: `<number> 0 to 1`. A flag takes no value and shows no type."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the options and arguments."""
         parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]  # of the command
         for parameter in parameters:
-            if getattr(parameter, "is_flag", False):
-                parameter.display_type_rich = lambda ctx: None
+            parameter.display_type_rich = partial(_type_in_words, parameter)
+            parameter._get_number_range_help_str = lambda: None  # the type says it
         return parameters
 
 
-class PlainGroup(ErrorsWithContext, FlagsWithoutType, TyperGroup):
+def _type_in_words(parameter: Any, ctx: Any) -> str | None:
+    if getattr(parameter, "is_flag", False):
+        return None
+    text = str(type(parameter).display_type_rich(parameter, ctx))
+    for name, word in TYPES.items():
+        text = text.replace(name, word)
+    least, most = (getattr(parameter, name, None) for name in ("min", "max"))
+    if least is None and most is None:
+        return text
+    return f"{text} at least {least}" if most is None else f"{text} {least} to {most}"
+
+
+class PlainGroup(ErrorsWithContext, PlainTypes, TyperGroup):
     """A command with subcommands."""
 
 
-class PlainCommand(ErrorsWithContext, FlagsWithoutType, TyperCommand):
+class PlainCommand(ErrorsWithContext, PlainTypes, TyperCommand):
     """A command whose arguments appear in capitals, and whose repeated options may take pairs X Y."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:

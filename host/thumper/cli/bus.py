@@ -5,7 +5,9 @@ from typing import Annotated
 
 import typer
 
-app = typer.Typer(no_args_is_help=True, help="Make the keys of an encrypted bus.")
+app = typer.Typer(
+    no_args_is_help=True, help="Make the keys of an encrypted bus.\n\nExample: `thumper bus keys`"
+)
 
 
 @app.command()

@@ -17,6 +17,7 @@ from thumper.cli.options.common import (
     RunFolder,
     Session,
     StartPose,
+    Ui,
 )
 from thumper.cli.output.interrupted import report_interrupt
 
@@ -36,6 +37,7 @@ def explore(
     fresh: Fresh = False,
     start: StartPose = None,
     bus: BusAddress = "",
+    ui: Ui = False,
     record: Record = False,
     record_to: RecordTo = None,
 ) -> None:
@@ -70,6 +72,7 @@ def explore(
         out=out,
         record=record,
         record_to=record_to,
+        ui=ui,
     )
     settings = options.load_settings()
     console = Console()

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 
-class Target(StrEnum):
+class Model(StrEnum):
     """Supported boards."""
 
     TREX = "trex"
@@ -30,8 +30,8 @@ class Tool(StrEnum):
 
 
 def flash(
-    port: Annotated[str, typer.Option(help="Serial port of the board, such as /dev/ttyUSB0.")],
-    board: Annotated[Target, typer.Option(help="Board type.")] = Target.TREX,
+    board: Annotated[str, typer.Option(help="Serial port of the board, such as /dev/ttyUSB0.")],
+    model: Annotated[Model, typer.Option(help="The board's model: its firmware.")] = Model.TREX,
     bootloader: Annotated[
         Bootloader,
         typer.Option(help="old: 57600 baud (T'REX, most Nanos); new: 115200 baud (Uno, Nanos since 2018)."),
@@ -47,7 +47,7 @@ def flash(
 ) -> None:
     """Flash a board, verify the flash, and check that the firmware answers.
 
-    Example: `thumper flash --port /dev/ttyUSB0`
+    Example: `thumper flash --board /dev/ttyUSB0`
     """
     from rich.console import Console
 
@@ -62,16 +62,16 @@ def flash(
             exit_code=EXIT_USAGE,
         )
     job = FlashJob(
-        port=port,
-        hex_file=hex_file or firmware_image(board.value, "hex"),
-        board=board.value,
+        port=board,
+        hex_file=hex_file or firmware_image(model.value, "hex"),
+        board=model.value,
         bootloader=bootloader.value,
     )
     console = Console(highlight=False)
-    console.print(f"flashing {job.hex_file} to {port} at {job.upload_baud} baud")
+    console.print(f"flashing {job.hex_file} to {board} at {job.upload_baud} baud")
     flash_board(job, tool=tool.value)
     console.print("written and verified")
-    robot = Board.open(port, baud=baud)
+    robot = Board.open(board, baud=baud)
     try:
         i = robot.identity
     finally:

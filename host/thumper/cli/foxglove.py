@@ -24,6 +24,8 @@ def foxglove(
     """Serve a running robot to Foxglove until Ctrl-C: open the printed address as *Foxglove WebSocket*.
 
     Clients need the token in the address: [bus] token, or without one a new one.
+
+    Example: `thumper foxglove`, `thumper foxglove --bus 192.168.1.20:7448`
     """
     import asyncio
     import secrets

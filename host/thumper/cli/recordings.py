@@ -16,7 +16,10 @@ def recover(
         list[Path], typer.Argument(help="Truncated recordings (.mcap, .mcap.part), or folders of them.")
     ],
 ) -> None:
-    """Repair recordings that a crash or a full disk truncated; keep everything up to that point."""
+    """Repair recordings that a crash or a full disk truncated; keep everything up to that point.
+
+    Example: `thumper recover recordings/`
+    """
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.recording.repair import repair_all, unfinished_recordings
 

@@ -22,6 +22,7 @@ from thumper.cli.options.common import (
     SavedMap,
     Session,
     StartPose,
+    Ui,
 )
 from thumper.cli.output.interrupted import report_interrupt
 
@@ -73,15 +74,13 @@ def run(
         ),
     ] = 1.0,
     bus: BusAddress = "",
-    ui: Annotated[
-        bool, typer.Option("--ui", help="Also serve the dashboard; see `thumper dashboard`.")
-    ] = False,
+    ui: Ui = False,
     record: Record = False,
     record_to: RecordTo = None,
 ) -> None:
     """Start the robot. With a goal, drive there, save the map and exit; without one, run until Ctrl-C.
 
-    A robot without a goal maps and accepts commands from the bus: `thumper goto`, the browser page, a
+    A robot without a goal maps and accepts commands from the bus: `thumper goto`, the dashboard, a
     gamepad, other programs.
 
     --start defines the map frame. By default, the robot starts at the origin and faces along x. With --map or

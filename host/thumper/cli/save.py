@@ -13,6 +13,8 @@ def save(config: ConfigFile = None, bus: BusAddress = "", robot: RobotName = "")
     """Save a running robot's map and session to its --out folder, and wait until they are written.
 
     Exits with 1 if that fails.
+
+    Example: `thumper save`, `thumper save --bus 192.168.1.20:7448`
     """
     from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.common.errors import ThumperError

@@ -26,7 +26,10 @@ MAX_QUEUED = 100
 def status(
     as_json: AsJson = False, config: ConfigFile = None, bus: BusAddress = "", robot: RobotName = ""
 ) -> None:
-    """Show what a running robot does: mode, goal, board, lidar, control loop, recording."""
+    """Show what a running robot does: mode, goal, board, lidar, control loop, recording.
+
+    Example: `thumper status`, `thumper status --bus 192.168.1.20:7448 --json`
+    """
     from thumper.common.errors import EXIT_NOT_THERE, ThumperError
     from thumper.ros import services
     from thumper.ros.to_json import to_json

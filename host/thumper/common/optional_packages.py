@@ -6,7 +6,7 @@ from importlib.util import find_spec
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 
 EXTRAS = {  # extra of pyproject.toml: the feature it serves, the modules it installs
-    "ui": ("the page", ("nicegui", "cryptography")),
+    "ui": ("the dashboard", ("nicegui", "cryptography")),
     "gamepad": ("a gamepad", ("pygame",)),
     "foxglove": ("Foxglove", ("foxglove", "cryptography")),
     "camera": ("the camera", ("cv2", "pyapriltags")),

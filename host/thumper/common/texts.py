@@ -4,6 +4,7 @@ from collections.abc import Collection
 
 MAX_CHARACTERS = 300
 MIN_SIMILARITY = 0.6  # of difflib: 1.0 for equal names
+SHORT = 5  # letters; a name as short resembles only those with one letter more or less, or that it begins
 
 
 def shortened(text: str) -> str:
@@ -16,7 +17,12 @@ def close_names(name: str, names: Collection[str]) -> list[str]:
     """Return the names that resemble a mistyped name, at most two, the best first."""
     from difflib import get_close_matches  # only for errors: the import takes 3 ms
 
-    return get_close_matches(name, names, n=2, cutoff=MIN_SIMILARITY)
+    alike = [
+        known
+        for known in names
+        if len(name) > SHORT or abs(len(known) - len(name)) <= 1 or known.startswith(name)
+    ]
+    return get_close_matches(name, alike, n=2, cutoff=MIN_SIMILARITY)
 
 
 def choice_hint(name: str, names: Collection[str]) -> str:

@@ -38,7 +38,7 @@ def bind_port(options: ServerOptions) -> socket.socket:
         in_use = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
         reason = (
             "the port is in use; stop the program that uses it, or choose another port: [dashboard] port in "
-            "the configuration, or --port of `thumper dashboard`, which serves the page of a running robot"
+            "the configuration, or --port of `thumper dashboard`, which serves that of a running robot"
             if in_use
             else str(error.strerror)
         )
@@ -138,7 +138,7 @@ class PageProcess:
                 delay_s = MIN_RESTART_S
             if not self._closed.is_set():
                 how = f"signal {-status}" if status < 0 else f"exit status {status}"
-                self._report(f"the page has ended ({how}); it starts again in {delay_s:g} s")
+                self._report(f"the dashboard has ended ({how}); it starts again in {delay_s:g} s")
             if self._closed.wait(delay_s):
                 return
             delay_s = min(2.0 * delay_s, MAX_RESTART_S)

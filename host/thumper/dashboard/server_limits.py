@@ -64,7 +64,8 @@ class OneLineFormatter(logging.Formatter):
         text = record.getMessage().partition("\n")[0]
         error = record.exc_info[1] if record.exc_info else None
         return shortened(
-            f"thumper: page: {text}" + (f" ({type(error).__name__}: {error})" if error is not None else "")
+            f"thumper: dashboard: {text}"
+            + (f" ({type(error).__name__}: {error})" if error is not None else "")
         )
 
 

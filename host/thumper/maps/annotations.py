@@ -133,7 +133,7 @@ class Annotations:
         item = self.find(name)
         if not isinstance(item, SavedPlace):
             names = [place.name for place in self.places]
-            cure = choice_hint(name, names) if names else "save one on the page first"
+            cure = choice_hint(name, names) if names else "save one on the dashboard first"
             raise ThumperError(f"no place {name!r} on this map; {cure}", exit_code=EXIT_USAGE)
         return item
 

@@ -108,6 +108,6 @@ def open_excerpts(path: Path) -> Iterator[Excerpts]:
                 raise ThumperError(f"{path.name}: it has no index; `thumper recover` writes one")
             yield Excerpts(stream, summary)
     except OSError as error:
-        raise ThumperError(f"{path.name}: cannot read it ({error.strerror})") from error
+        raise ThumperError(f"{path.name}: cannot be read ({error.strerror}); check the path") from error
     except DAMAGED as error:
         raise ThumperError(f"{path.name}: damaged, or not an MCAP file") from error

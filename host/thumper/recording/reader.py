@@ -136,7 +136,7 @@ def _check(path: Path) -> None:
         good = is_mcap(path)
     except OSError as error:
         raise ThumperError(
-            f"{path}: cannot read it ({error.strerror}); check the path", exit_code=EXIT_USAGE
+            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=EXIT_USAGE
         ) from error
     if not good:
         raise ThumperError(f"{path}: not an MCAP file; is it the right one?", exit_code=EXIT_USAGE)

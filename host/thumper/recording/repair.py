@@ -110,7 +110,7 @@ def repair_all(paths: Iterable[Path], report: Callable[[str], None]) -> bool:
             report(str(error))
             all_complete = False
         except OSError as error:
-            report(f"{path}: cannot read it ({error.strerror}); check the path")
+            report(f"{path}: cannot be read ({error.strerror}); check the path")
             all_complete = False
     return all_complete
 

@@ -69,7 +69,7 @@ def run_metadata_of(metadata: dict[str, str], name: str) -> RunMetadata:
     except (KeyError, ValueError, TypeError) as error:
         version_of_file = metadata.get("version", "another program")
         raise ThumperError(
-            f"{name}: cannot read its configuration ({error}): {version_of_file} recorded it, this is "
+            f"{name}: its configuration cannot be read ({error}): {version_of_file} recorded it, this is "
             f"{__version__}; pass the robot's TOML with --config",
             exit_code=EXIT_USAGE,
         ) from error

@@ -45,7 +45,7 @@ def test_the_flashed_robot_answers() -> None:
     rate."""
     chip = chip_with_bootloader()
     with on_pty(chip) as port:
-        result = flash("--port", port, "--bootloader", "old")
+        result = flash("--board", port, "--bootloader", "old")
     assert result.returncode == 0, result.stderr
     assert "verified" in result.stdout
     assert "firmware 0." in result.stdout
@@ -59,7 +59,7 @@ def test_the_flashed_robot_answers() -> None:
 
 def test_the_other_boot_loader_baud_rate_is_detected() -> None:
     with on_pty(chip_with_bootloader()) as port:
-        error = one_line(flash("--port", port, "--bootloader", "new"))
+        error = one_line(flash("--board", port, "--bootloader", "new"))
     assert "answers at 57600 baud" in error
     assert "--bootloader old" in error
 
@@ -77,15 +77,15 @@ def test_the_other_boot_loader_baud_rate_is_detected() -> None:
 )
 def test_avrdude_errors_become_one_line(message: str, expected: str, tmp_path: Path) -> None:
     tools = tool(tmp_path, "avrdude", f"echo '{message}' >&2; exit 1")
-    assert expected in one_line(flash("--port", "/dev/null", "--hex", HEX, "--tool", "avrdude", path=tools))
+    assert expected in one_line(flash("--board", "/dev/null", "--hex", HEX, "--tool", "avrdude", path=tools))
 
 
 def test_a_missing_port_file_or_tool_is_named(tmp_path: Path) -> None:
     avrdude = tool(tmp_path, "avrdude", "exit 0")
     nothing = tmp_path / "nothing"
-    assert "no such port" in one_line(flash("--port", nothing, "--hex", HEX, path=avrdude))
-    assert "nothing: no such file" in one_line(flash("--port", "/dev/null", "--hex", nothing, path=avrdude))
-    no_tool = flash("--port", "/dev/null", "--tool", "avrdude", path=nothing)
+    assert "no such port" in one_line(flash("--board", nothing, "--hex", HEX, path=avrdude))
+    assert "nothing: no such file" in one_line(flash("--board", "/dev/null", "--hex", nothing, path=avrdude))
+    no_tool = flash("--board", "/dev/null", "--tool", "avrdude", path=nothing)
     assert "apt install avrdude" in one_line(no_tool)
 
 
@@ -93,7 +93,7 @@ def test_platformio_uses_the_environment_of_board_and_boot_loader(tmp_path: Path
     arguments = tmp_path / "arguments"
     tools = tool(tmp_path, "pio", f'echo "$@" > {arguments}; exit 1')
     one_line(
-        flash("--port", "/dev/null", "--tool", "pio", "--board", "nano", "--bootloader", "new", path=tools)
+        flash("--board", "/dev/null", "--tool", "pio", "--model", "nano", "--bootloader", "new", path=tools)
     )
     assert "-e nano_new -t upload --upload-port /dev/null" in arguments.read_text()
 

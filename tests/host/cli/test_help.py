@@ -29,10 +29,10 @@ COMMANDS = {
     "bus": ["keys"],
     "campaign": ["--workers", "--out"],
     "dock": ["--undock", "--bus"],
-    "explore": ["--board", "--bus", "out/explore"],
+    "explore": ["--board", "--bus", "--ui", "out/explore"],
     "plan": ["--start", "--goal"],
     "edit": ["--rotate", "--free", "--crop", "--out"],
-    "flash": ["--port"],
+    "flash": ["--board", "--model"],
     "setup": ["--config", "--bus", "--port"],
     "dashboard": ["--host", "--port", "--make-certificate"],
     "record": ["--out", "--seconds"],
@@ -67,3 +67,15 @@ def test_help_keeps_text_in_brackets(thumper: Run) -> None:
 def test_help_shows_no_type_for_a_flag(thumper: Run) -> None:
     for arguments in ([], ["demo"], ["goto"], ["tune", "record"]):
         assert "<bool>" not in thumper(*arguments, "--help").out
+
+
+def test_help_shows_types_in_words(thumper: Run) -> None:
+    shown = " ".join(word.strip("│") for word in thumper("run", "--help").out.split())
+    assert "<number> 0.02 to 1.0" in shown
+    for command in COMMANDS:
+        assert not re.search(r"<(float|int|str|list)|range>|<=x", thumper(command, "--help").out)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_each_command_has_an_example(thumper: Run, command: str) -> None:
+    assert "Example: thumper" in thumper(command, "--help").out

@@ -47,7 +47,8 @@ def test_unknown_option_of_each_command(refusal: Refusal, words: tuple[str, ...]
     [
         ("got 1 2", "thumper: no such command 'got'; did you mean 'goto'? See `thumper --help`"),
         ("tune recrod", "tune: no such command 'recrod'; did you mean 'record'? See `thumper tune --help`"),
-        ("run --gaol 1 2", "run: no such option --gaol; did you mean --goal or --patrol? See `thumper run"),
+        ("run --gaol 1 2", "run: no such option --gaol; did you mean --goal? See `thumper run"),
+        ("run --bogus", "run: no such option --bogus; see `thumper run"),
         ("goto 1 -0.5 --tolerence=1", "goto: no such option --tolerence; did you mean --tolerance? See"),
         ("goto -1 north", "goto: invalid value for 'Y': 'north' is not a number; see `thumper goto --help`"),
         ("goto north 1", "'north' is not a number; a goal is X Y or the name of a place"),

@@ -183,7 +183,7 @@ def test_files_of_two_runs_are_refused(made_up: Path, live: Live) -> None:
 def test_other_files_are_refused_as_recordings(tmp_path: Path) -> None:
     text = tmp_path / "a.mcap"
     text.write_text("hello")
-    for path, reason in ((text, "not an MCAP"), (tmp_path / "none.mcap", "cannot read")):
+    for path, reason in ((text, "not an MCAP"), (tmp_path / "none.mcap", "cannot be read")):
         with pytest.raises(ThumperError, match=reason):
             Recording((path,))
     with pytest.raises(ThumperError, match="no recording"):

@@ -7,8 +7,16 @@ import typer
 
 from thumper.cli.options.common import ConfigFile
 
-experiment = typer.Typer(help="Repeat the thesis's experiments and compare.", no_args_is_help=True)
-calibrate = typer.Typer(help="Calibrate the robot's geometry and camera.", no_args_is_help=True)
+experiment = typer.Typer(
+    help="Repeat the thesis's experiments and compare.\n\n"
+    "Example: `thumper experiment speed --board /dev/ttyUSB0`",
+    no_args_is_help=True,
+)
+calibrate = typer.Typer(
+    help="Calibrate the robot's geometry and camera.\n\n"
+    "Example: `thumper calibrate odometry --board /dev/ttyUSB0 --lidar /dev/ttyACM0`",
+    no_args_is_help=True,
+)
 
 Board = Annotated[
     str, typer.Option(help="Serial port or URL of the board, as /dev/ttyUSB0 or sim://try/board?world=lab.")

@@ -71,7 +71,5 @@ def design_from_estimate(
     if state.drift:
         console.print(f"  note: {state.drift}", markup=False)
     path = write_gains_file(out / "gains.json", result)
-    console.print(
-        f"wrote {path}; set them on the robot's page, or stop it and run `thumper tune verify {path}`"
-    )
+    console.print(f"wrote {path}; set them on the dashboard, or stop it and run `thumper tune verify {path}`")
     return result

@@ -8,7 +8,8 @@ import typer
 from thumper.cli.options.common import AsJson, BusAddress, ConfigFile, RobotName
 
 app = typer.Typer(
-    help="Identify the motors and tune the wheel-speed control: all steps, or one at a time.",
+    help="Identify the motors and tune the wheel-speed control: all steps, or one at a time.\n\n"
+    "Example: `thumper tune --board /dev/ttyUSB0`, `thumper tune fit LOG.csv`",
     invoke_without_command=True,
 )
 

@@ -78,4 +78,5 @@ MapFolder = Annotated[
 Recordings = Annotated[
     list[Path], typer.Argument(help="Recordings (.mcap) of one run in order, or their folder.")
 ]
+Ui = Annotated[bool, typer.Option("--ui", help="Also serve the dashboard; see `thumper dashboard`.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]

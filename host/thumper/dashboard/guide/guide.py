@@ -168,9 +168,9 @@ class Guide:
         """Run `thumper flash`."""
 
         async def flash() -> str:
-            command = self._new("flash", "--port", self._port("board"))
+            command = self._new("flash", "--board", self._port("board"))
             if not self._simulator:
-                command = self._new(*command.arguments, "--board", board, "--bootloader", bootloader)
+                command = self._new(*command.arguments, "--model", board, "--bootloader", bootloader)
             if await command.run() != 0:
                 raise ThumperError(command.last_line)
             return f"written and verified: {command.last_line}"

@@ -50,7 +50,7 @@ class MapEditor {
     const packet = await this.request(name, { edits: this.drafts.get(name) ?? [] });
     if (!packet) return;
     this.opening = true;
-    startPlayback(name, `Editing the map ${name}: the page does not show the robot`);
+    startPlayback(name, `Editing the map ${name}: the dashboard does not show the robot`);
     this.opening = false;
     this.name = name;
     this.bar.hidden = false;

@@ -198,7 +198,7 @@ class Experiments:
             telemetry = loop.inputs.telemetry
             armed = telemetry is not None and telemetry.state is not State.DISARMED
             if armed and self._heartbeats.is_lost(self.source, time.monotonic()):
-                self.stop("the page that started it is gone")
+                self.stop("the browser page that started it is gone")
             if self._stop_reason:
                 raise ThumperError(self._stop_reason)
 
