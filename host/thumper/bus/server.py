@@ -133,10 +133,7 @@ class BusServer:
     def _send(self, topic: str, message: Message) -> None:
         if TOPICS[topic].latched:
             self._newest[topic] = message
-        publisher = self._publishers[topic]
-        # Without a subscriber nothing is encoded: a large map takes milliseconds.
-        if publisher.matching_status.matching:  # type: ignore[attr-defined]  # Zenoh's stub says bool
-            publisher.put(encode(message))
+        self._publishers[topic].put(encode(message))
         self.statistics.sent += 1
 
     def _on_message(self, sample: zenoh.Sample) -> None:

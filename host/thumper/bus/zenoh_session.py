@@ -207,6 +207,7 @@ def _config(settings: dict[str, Any], token: str) -> zenoh.Config:
     config = zenoh.Config()
     settings["scouting/multicast/enabled"] = False
     settings["scouting/gossip/enabled"] = False
+    settings["scouting/delay"] = 0  # else a router waits 0.5 s for others
     settings["transport/shared_memory/enabled"] = False  # it would bypass the limit of the message size
     settings["transport/link/tx/queue/size/data"] = MAX_QUEUED_BATCHES
     if token:

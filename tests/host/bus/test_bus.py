@@ -15,7 +15,6 @@ import pytest
 from benchmarks.shared.live import free_port, until
 
 from tests.allocated import kept_bytes
-from thumper.bus import server as bus_server
 from thumper.bus import status_watchdog
 from thumper.bus.client import BusClient
 from thumper.bus.server import MAX_QUEUED, BusServer
@@ -26,7 +25,7 @@ from thumper.common.geometry import Twist2
 from thumper.config.bus import DEFAULT_ROBOT, BusOptions, is_loopback
 from thumper.config.robot import RobotConfig
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.ros.codec import Message, encode
+from thumper.ros.codec import encode
 from thumper.ros.status import Status
 from thumper.ros.to_ros import Messages, flag, text
 from thumper.runtime.requests import EmergencyStop, Query, Request, TeleopSource, Velocity
@@ -372,25 +371,6 @@ def test_message_that_is_fetched_and_sent_comes_once(robot: Robot) -> None:
             robot.server.publish("session", 0.0, text(name))
         until(lambda: len(runs) > 2)
         assert runs == ["run 1", "run 2", "run 1"]
-
-
-def test_message_without_subscriber_is_not_encoded(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    encoded: list[Message] = []
-
-    def record(message: Message) -> bytes:
-        encoded.append(message)
-        return encode(message)
-
-    monkeypatch.setattr(bus_server, "encode", record)
-    robot.server.publish("session", 0.0, text("run 1"))
-    until(lambda: robot.server.statistics.sent == 1)
-    assert not encoded
-    with BusClient("r1", robot.address) as client:
-        runs: list[str] = []
-        client.subscribe("session", lambda message: runs.append(message.data))
-        robot.server.publish("session", 0.0, text("run 2"))
-        until(lambda: "run 2" in runs)
-    assert encoded
 
 
 def test_late_answer_never_follows_newer_messages(monkeypatch: pytest.MonkeyPatch) -> None:
