@@ -164,13 +164,15 @@ def main() -> None:
                     sigmas[what, name].append(deviations)
         for what, count in ((MEAN, options.seeds), (SIDES, 2 * options.seeds), (UNEVEN, 2 * options.seeds)):
             for name, limit in LIMITS.items():
+                words = name.removesuffix("_s").replace("_", " ")
                 within = np.abs(sigmas[what, name]) <= 2.0
                 worst = 100.0 * max(map(abs, relative[what, name]), default=math.nan)
                 figure(
-                    f"{preset}: {name} after 60 s, {what}, worst error of {len(within)} of {count}",
-                    f"{worst:.1f}", "%", aim=f"{100 * limit:.0f}",
+                    f"{preset}: {words} after 60 s, {what}, worst error of {len(within)} of {count}",
+                    f"{worst:.1f}", "%", aim=f"<= {100 * limit:.0f}",
                 )  # fmt: skip
-                figure(f"  within two standard deviations: {within.sum()} of {len(within)}", "")
+                what_within = f"{preset}: {words} after 60 s, {what}, within two standard deviations"
+                figure(what_within, f"{within.sum()} of {len(within)}")
 
 
 if __name__ == "__main__":

@@ -106,9 +106,9 @@ def main() -> None:
             fused = GyroEkf(geometry, imu=IMU)
             wheels_rad, fused_rad = rms_rad(log, WheelOdometry(geometry)), rms_rad(log, fused)
             figure(
-                f"drive {number}, {name} track: wheels alone, fused",
-                f"{wheels_rad:.2f}, {fused_rad:.3f}",
-                "rad rms",
+                f"drive {number}, {name} track, heading error rms: wheels alone / fused",
+                f"{wheels_rad:.2f} / {fused_rad:.3f}",
+                "rad",
             )
         found = fused.track.ratio
         if found is not None:

@@ -101,7 +101,7 @@ def main() -> None:
         p50, p99, most = np.percentile(times_ms, (50, 99, 99.9))
         print(f"{name}: {len(times_ms)} cycles, {state.value}; longest {max(times_ms):.1f} ms")
         what = f"navigator in 100 m x 100 m, {name}: median / 99 % / 99.9 %"
-        figure(what, f"{p50:.1f} / {p99:.1f} / {most:.1f}", "ms", aim=f"99.9 %: <= {AIM_MS}")
+        figure(what, f"{p50:.1f} / {p99:.1f} / {most:.1f}", "ms", aim=f"- / - / <= {AIM_MS}")
 
 
 if __name__ == "__main__":

@@ -60,7 +60,7 @@ def main() -> None:
             is_home, contacts, error_m, report = explore_with(model, 1)
             print(f"{model}: {'home' if is_home else 'not home'}; {report}")
             what = f"explore lab_box, hard, {model}: contacts, pose error"
-            figure(what, f"{contacts}, {error_m:.3f} m", aim="0 contacts")
+            figure(what, f"{contacts} / {error_m:.3f} m", aim="0 / -")
 
 
 if __name__ == "__main__":

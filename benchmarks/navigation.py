@@ -113,7 +113,7 @@ def planner() -> None:
             figure(
                 f"path length of {title} on {name.split('-')[0]}, mean",
                 f"{np.mean(ratios):.3f}",
-                "x navfn's",
+                "x that of navfn",
                 aim="" if title != "navfn" else "1 +- 0.01",
             )
             print(
@@ -248,8 +248,8 @@ def loop() -> None:
         p50, p99 = 1e3 * np.percentile(times, (50, 99))
         ours = name == "navigation"
         figure(f"the robot's loop, {name}: median / 99 %", f"{p50:.1f} / {p99:.1f}", "ms",
-               aim="- / 20" if ours else "")  # fmt: skip
-        figure(f"the robot's loop, {name}: share of a core", f"{sum(times) / driven_s:.3f}", "core s/s",
+               aim="- / <= 20" if ours else "")  # fmt: skip
+        figure(f"the robot's loop, {name}: share of a core", f"{sum(times) / driven_s:.3f}", "",
                aim="<= 0.3" if ours else "", peers="move_base with costmaps 0.07 to 0.10" if ours else "",
                source="the same BARN worlds" if ours else "")  # fmt: skip
         print(

@@ -116,7 +116,7 @@ def main() -> None:
             row = " | ".join(str(count[outcome]) for outcome in OUTCOMES)
             print(f"| {kind} | {speed} | {given.scenes} | {row} |", flush=True)
             what = f"people {kind}, {given.scenes} scenes at {speed} m/s: robot drove into a person, arrived"
-            figure(what, f"{count['drove into a person']}, {count['arrived']}", aim="0, -")
+            figure(what, f"{count['drove into a person']} / {count['arrived']}", aim="0 / -")
 
 
 if __name__ == "__main__":

@@ -125,13 +125,13 @@ def main() -> None:
         (reached if possible and arrived else missed if possible else others).append((room, run))
     every = reached + missed + others
     name = f"goals near walls, {'hard' if given.hard else 'nominal'}, rooms of seed {given.seed}"
-    figure(f"{name}: reached", f"{len(reached)} of {len(reached) + len(missed)}", aim="95 %")
+    figure(f"{name}: reached", f"{len(reached)} of {len(reached) + len(missed)}", aim=">= 95 %")
     figure(f"{name}: contacts", str(sum(run.clearance_m <= 0.0 for _, run in every)), aim="0")
     for label, runs in (("last half metre", reached), ("whole drive", reached), ("other goals", others)):
         times_s = [last_s(run, room.goal) if label == "last half metre" else run.time_s for room, run in runs]
         if times_s:
             middle_s, slow_s = np.percentile(times_s, (50, 90))
-            figure(f"{name}: {label}, median, p90", f"{middle_s:.1f}, {slow_s:.1f}", "s")
+            figure(f"{name}: {label}, median / 90 %", f"{middle_s:.1f} / {slow_s:.1f}", "s")
     also = sum(run.state is NavigationState.REACHED for _, run in others)
     figure(f"{name}: other goals, reached all the same", f"{also} of {len(others)}")
     if reached:

@@ -48,8 +48,8 @@ def main() -> None:
         cast_us = median_us(partial(large.cast, 0.0, 0.0, angles_rad))
         clearance_us = median_us(partial(large.clearance_m, Pose2(), FOOTPRINT_M))
         figure(
-            f"scan, clearance in 1000 x 1000 cells, {share:.1%} solid",
-            f"{cast_us:.0f}, {clearance_us:.0f}",
+            f"scan / clearance in 1000 x 1000 cells, {share:.1%} solid",
+            f"{cast_us:.0f} / {clearance_us:.0f}",
             "us",
         )
 

@@ -88,7 +88,7 @@ def main() -> None:
             figures = f"late p50 {p50:.2f}, p99 {p99:.2f}, max {1e3 * late.max():.1f} ms"
             table.add_row(f"50 Hz loop {name} recording", f"{figures}; {100.0 * share:.1f} % of a core")
             figure(f"50 Hz loop {name} recording: lateness, 99 %", f"{p99:.1f}", "ms")
-    figure("recording: messages written and synced", f"{rate:.0f}", "1/s",
+    figure("recording: messages written and synced", f"{rate:.0f}", "per second",
            peers="mcap + rosbags 28 600, mcap-ros2-support 6 100, foxglove-sdk 55 600",
            source="other messages, not synced, a machine of the same kind")  # fmt: skip
     Console().print(table)

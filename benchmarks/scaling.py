@@ -150,7 +150,7 @@ def main() -> int:
         is_plan = name in {"navfn", "astar", "lattice"}
         what = "goal 3 m off" if is_plan else "after a scan"
         sides = " / ".join(map(str, SIDES))
-        figure(f"{name}, {what}: side {sides} cells", row, "ms", aim="<= 2 each" if is_plan else "<= 1 each")
+        figure(f"{name}, {what}: side {sides} cells", row, "ms", aim="<= 2" if is_plan else "<= 1")
         figure(f"{name}, {what}: exponent of the side", f"{exponent:.2f}", aim=f"<= {most}")
         if exponent > most:
             too_fast.append(name)

@@ -118,8 +118,8 @@ def report(
     """Record the figures for the table of all benchmarks."""
     source, logs = "same log, a machine of the same kind", {"MINES": mines, "Intel": intel}
     peers = {
-        "MINES": "; ".join(f"{name} {ms}" for name, ms in MINES_PEERS),
-        "Intel": "; ".join(f"{row[0]} {row[4]}" for row in INTEL_PEERS),
+        "MINES": "; ".join(f"{name}: {ms}" for name, ms in MINES_PEERS),
+        "Intel": "; ".join(f"{row[0]}: {row[4]}" for row in INTEL_PEERS),
     }
     for name, run_ in logs.items():
         cost = f"{run_.cpu_ms.mean():.2f} / {np.percentile(run_.cpu_ms, 99):.1f}"
@@ -130,7 +130,7 @@ def report(
         ("online error", f"{online.translation_m.mean():.3f}", "m", "<= 0.05", 3),
     )
     for what, ours, unit, aim, column in rows:
-        others = "; ".join(f"{row[0]} {row[column].split(' ')[0]}" for row in INTEL_PEERS)
+        others = "; ".join(f"{row[0]}: {row[column].split(' ')[0]}" for row in INTEL_PEERS)
         figure(f"{method}, Intel: {what}", ours, unit, aim=aim, peers=others, source=source)
     figure(f"{method}: peak memory, both logs loaded", f"{peak_MB:.0f}", "MB", aim="<= 250")
 

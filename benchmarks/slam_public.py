@@ -133,11 +133,8 @@ def report(name: str, method: Method, result: Result, folder: Path, *, odometry:
     path_m, online_m = rms_m(result.path, result.poses), rms_m(result.online, result.poses)
     figure(f"{what}: position rms, path / online", f"{path_m:.3f} / {online_m:.3f}", "m")
     cost = f"{result.cpu_ms.mean():.2f} / {np.percentile(result.cpu_ms, 99):.1f}"
-    figure(
-        f"{what}: CPU per scan, mean / 99 %; scans lost",
-        f"{cost}; {result.lost} of {len(result.cpu_ms)}",
-        "ms",
-    )
+    figure(f"{what}: CPU per scan, mean / 99 %", cost, "ms")
+    figure(f"{what}: scans lost", f"{result.lost} of {len(result.cpu_ms)}")
     figure(f"{what}: peak memory", f"{result.peak_MB:.0f}", "MB")
     if name == "freiburg-079" and has_data(folder / RELATIONS):
         errors = relation_errors(*at_stamps(result, np.loadtxt(folder / RELATIONS)))

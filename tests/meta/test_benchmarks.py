@@ -26,12 +26,12 @@ def test_figures_of_a_benchmark_become_rows(folder: Path) -> None:
     (folder / "fast.py").write_text(
         "import sys\n"
         "from benchmarks.figure import figure\n"
-        "figure(f'speed {sys.argv[1]}', '3', 'm/s', aim='4', peers='theirs 2', source='a paper')\n"
+        "figure(f'speed {sys.argv[1]}', '3', 'm/s', aim='<= 4', peers='theirs 2', source='a paper')\n"
     )
     figures, succeeded = table.run("fast", "--all")
     assert succeeded
     (row,) = [table.line(figure) for figure in figures]
-    assert row.startswith("| speed --all | 3 m/s | 4 | theirs 2 (a paper) | ")
+    assert row.startswith("| speed --all | 3 m/s | <= 4 | theirs 2 (a paper) | ")
 
 
 def test_failed_benchmark_keeps_its_figures_and_gets_a_row(folder: Path) -> None:
@@ -70,3 +70,32 @@ def test_pages_written_again_are_the_same(monkeypatch: pytest.MonkeyPatch, tmp_p
         path.name: path.read_text(encoding="utf-8") for path in [page, *(tmp_path / "pages").glob("*.md")]
     }
     assert after == before
+
+
+@pytest.mark.parametrize(
+    ("ours", "aim", "missed"),
+    [
+        ("0.0195 m", "<= 0.022", False),
+        ("193 MB", "<= 190", True),
+        ("85.8 %", ">= 88", True),
+        ("16 of 17", ">= 95 %", True),
+        ("20 of 20", "18 of 20", False),
+        ("17 of 20", "18 of 20", True),
+        ("13", "0", True),
+        ("1 / 9", "0 / -", True),
+        ("0 / 9", "0 / -", False),
+        ("-0.5 / +5.9 / +0.5 (%, %, PWM)", "+- 2 / +- 5 / +- 2", True),
+        ("0.998 x that of navfn", "1 +- 0.01", False),
+        ("75 +- 9 ms", "60 to 110", False),
+        ("1.9 / 2.1 ms", "<= 2", True),
+        ("0.026 m", "> 0", False),
+        ("0.92 (0.86 to 2.49) s", "<= 1.5", False),
+        ("3 m/s", "", False),
+    ],
+)
+def test_missed_aims_are_found(ours: str, aim: str, missed: bool) -> None:  # from the table
+    assert table.misses(ours, aim) == missed
+
+
+def test_missed_aim_is_marked_in_its_row() -> None:
+    assert "| <= 190 **missed** |" in table.line({"what": "memory", "ours": "193 MB", "aim": "<= 190"})
