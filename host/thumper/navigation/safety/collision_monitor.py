@@ -25,6 +25,9 @@ DEEPER_M = 0.003
 CREEP_FRACTION = 0.5
 ROUNDING_M = 1e-9
 NOISE_M_S, NOISE_RAD_S = 0.03, 0.06  # a slower measured twist may be noise
+# The centre of rotation of a skid-steered base is not fixed (Mandow 2007): it moves along the base by up to
+# this, so a turn shifts the base sideways.
+CENTRE_WANDER_M = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,26 +45,35 @@ class CollisionMonitorOptions:
 
 @kernel
 def deepening_point(
-    points_m: FloatArray, margins_m: FloatArray, creep_m: float, half_planes: FloatArray, poses: FloatArray
+    points_m: FloatArray,
+    margins_m: FloatArray,
+    creep_m: float,
+    half_planes: FloatArray,
+    poses: FloatArray,
+    shifts_m: FloatArray,
 ) -> int:
     """Return the index of the first point, shape (n, 2), that a motion brings inside the footprint, or -1.
 
     The footprint is grown by the point's margin, shape (n,). `poses`, shape (m, 3), are base poses in the
-    frame of the points; the base starts at the origin. A point that is inside at the start counts only if it
-    gets deeper, with a small slack up to the depth `creep_m`.
+    frame of the points; the base starts at the origin. At each of them it may be further to either side by
+    `shifts_m`, shape (m,). A point that is inside at the start counts only if it gets deeper, with a small
+    slack up to the depth `creep_m`.
     """
     for i in range(points_m.shape[0]):
         px, py = points_m[i]
         margin_m = margins_m[i]
         allowed = 0.0
         for j in range(-1, poses.shape[0]):
-            x, y, theta = (0.0, 0.0, 0.0) if j < 0 else (poses[j, 0], poses[j, 1], poses[j, 2])
+            x, y, theta, shift_m = 0.0, 0.0, 0.0, 0.0
+            if j >= 0:
+                x, y, theta, shift_m = poses[j, 0], poses[j, 1], poses[j, 2], shifts_m[j]
             cos, sin = math.cos(theta), math.sin(theta)
             dx, dy = px - x, py - y
             bx, by = cos * dx + sin * dy, -sin * dx + cos * dy
             depth = np.inf
             for k in range(half_planes.shape[0]):
                 inside = half_planes[k, 2] + margin_m - half_planes[k, 0] * bx - half_planes[k, 1] * by
+                inside += shift_m * abs(half_planes[k, 1])
                 depth = min(depth, inside)
             if j < 0:
                 slack = min(DEEPER_M, max(ROUNDING_M, creep_m - depth))
@@ -134,7 +146,8 @@ class CollisionMonitor:
         command. v and w fade as the wheels' ramps or as the limits say, whichever takes longer. It is checked
         again with a turn that ends at once: a base that straightens sooner than predicted leaves the bend. If
         the measured twist is within its noise, it is also checked from standstill: noise that points away
-        from an obstacle must not excuse a command toward it.
+        from an obstacle must not excuse a command toward it. The centre of rotation may be off by
+        `CENTRE_WANDER_M`.
         """
         margins_m = self._options.margin_m + position_error_m
         creep_m = CREEP_FRACTION * self._options.margin_m
@@ -142,10 +155,12 @@ class CollisionMonitor:
         keeps_turning = (True, False) if command.w_rad_s else (True,)
         for start, turns_on in product((twist, Twist2()) if is_noise else (twist,), keeps_turning):
             poses = self._stopping_poses(command, start, period_s, turns_on=turns_on)
-            reach_m = self._radius_m + margins_m.max(initial=0.0) + float(np.hypot(*poses[:, :2].T).max())
+            shifts_m = CENTRE_WANDER_M * np.abs(poses[:, 2])
+            furthest_m = float((np.hypot(*poses[:, :2].T) + shifts_m).max())
+            reach_m = self._radius_m + margins_m.max(initial=0.0) + furthest_m
             near = np.hypot(hits_in_base_m[:, 0], hits_in_base_m[:, 1]) <= reach_m
             points_m = np.ascontiguousarray(hits_in_base_m[near])
-            index = deepening_point(points_m, margins_m[near], creep_m, self._half_planes, poses)
+            index = deepening_point(points_m, margins_m[near], creep_m, self._half_planes, poses, shifts_m)
             if index >= 0:
                 x_m, y_m = points_m[index]
                 what = "an obstacle"

@@ -54,7 +54,7 @@ def test_rotation_sweeps_the_corners() -> None:
     turning = Twist2(w_rad_s=1.0)
     corner_m = math.hypot(FRONT_M, SIDE_M)
     beside = at(0.0, corner_m - 0.01)
-    fast = Twist2(w_rad_s=1.1)
+    fast = Twist2(w_rad_s=0.9)
     poses_needed_rad = math.pi / 2 - math.atan2(SIDE_M, FRONT_M)  # until the front left corner is abeam
     assert not stop_reason(turning, Twist2(), at(0.0, corner_m + 0.05))
     ahead_of_corner = corner_m * np.array(((math.cos(0.9), math.sin(0.9)),))
@@ -153,11 +153,17 @@ def depths_m(
     pose: FloatArray,
     margins_m: FloatArray,
     corners: tuple[tuple[float, float], tuple[float, float]] = ROBOT,
+    shift_m: float = 0.0,
 ) -> FloatArray:
-    """Return how deep each point is in the rectangle of a robot at `pose`, shape (n,); negative outside."""
+    """Return how deep each point is in the rectangle of a robot at `pose`, shape (n,); negative outside.
+
+    The robot may be further to either side by `shift_m`.
+    """
     x_m, y_m = Pose2(x_m=pose[0], y_m=pose[1], theta_rad=pose[2]).inverse().apply(points_m).T
     (rear_m, right_m), (front_m, left_m) = corners
-    inside_m: FloatArray = np.min([x_m - rear_m, front_m - x_m, y_m - right_m, left_m - y_m], axis=0)
+    inside_m: FloatArray = np.min(
+        [x_m - rear_m, front_m - x_m, y_m - right_m + shift_m, left_m - y_m + shift_m], axis=0
+    )
     return margins_m + inside_m
 
 
@@ -192,13 +198,20 @@ def test_deepening_point_is_the_first_that_the_motion_brings_inside(seed: int) -
         points_m = rng.uniform(-0.3, 0.3, (count, 2)) * (1.0, 0.7)
         margins_m = rng.uniform(0.0, 0.05, count)
         poses = np.cumsum(rng.uniform(-0.003, 0.003, (6, 3)) * (1.0, 1.0, 8.0), axis=0)
+        shifts_m = rng.uniform(0.0, 0.004, 6)
         before_m = depths_m(points_m, np.zeros(3), margins_m, ASYMMETRIC)
         slack_m = np.clip(creep_m - before_m, 1e-9, DEEPER_M)
         allowed_m = np.maximum(0.0, before_m + slack_m)
-        after_m = np.max([depths_m(points_m, pose, margins_m, ASYMMETRIC) for pose in poses], axis=0)
+        after_m = np.max(
+            [
+                depths_m(points_m, pose, margins_m, ASYMMETRIC, shift_m)
+                for pose, shift_m in zip(poses, shifts_m, strict=True)
+            ],
+            axis=0,
+        )
         deeper = np.flatnonzero(after_m > allowed_m)
         expected = int(deeper[0]) if deeper.size else -1
-        assert deepening_point(points_m, margins_m, creep_m, half_planes, poses) == expected
+        assert deepening_point(points_m, margins_m, creep_m, half_planes, poses, shifts_m) == expected
         found.add(expected)
     assert {-1, 0, 1} <= found
     assert (DEEPER_M, CREEP_FRACTION) == (0.003, 0.5)
@@ -279,6 +292,26 @@ def test_stopping_motion_is_that_of_the_limits(
     poses = monitor._stopping_poses(command, twist, 0.13, turns_on=turns_on)
     expected = reference_poses(command, twist, limits, 0.13, turns_on=turns_on)
     assert poses == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("centre_m", [-0.05, 0.05])
+def test_an_allowed_turn_touches_nothing_about_a_centre_that_is_off(centre_m: float) -> None:
+    """Random turns and points: the base turns about a point 5 cm ahead of its middle, or behind it."""
+    rng, allowed = np.random.default_rng(4), 0
+    for _ in range(400):
+        turn = Twist2(v_m_s=rng.uniform(-0.3, 0.3), w_rad_s=rng.uniform(-1.2, 1.2))
+        point_m = rng.uniform(-0.4, 0.4, (1, 2))
+        if depths_m(point_m, np.zeros(3), np.zeros(1)) > -MARGIN_M or stop_reason(turn, turn, point_m):
+            continue
+        allowed += 1
+        poses = reference_poses(turn, turn, LIMITS, 0.1, turns_on=True)
+        turns_rad = np.diff(poses[:, 2], prepend=0.0)
+        headings_rad = poses[:, 2] - 0.5 * turns_rad
+        left = np.column_stack((-np.sin(headings_rad), np.cos(headings_rad)))
+        poses[:, :2] -= np.cumsum(centre_m * turns_rad[:, None] * left, axis=0)
+        deepest_m = max(float(depths_m(point_m, pose, np.zeros(1))[0]) for pose in poses)
+        assert deepest_m < -0.8 * MARGIN_M, (turn, point_m)
+    assert allowed > 100
 
 
 @pytest.mark.parametrize("slow_s", [0.8, 1.3])
