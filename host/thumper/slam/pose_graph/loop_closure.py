@@ -14,6 +14,7 @@ from thumper.slam.grid.branch_and_bound import BranchAndBoundSearch, SearchField
 from thumper.slam.grid.grid_matcher import GridMatcher
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.options import GridMapperOptions
+from thumper.slam.pose_graph.loop_hypotheses import Closure, LoopHypotheses
 from thumper.slam.pose_graph.map_rebuild import MapRebuild
 from thumper.slam.pose_graph.submaps import SubmapGraph
 
@@ -21,15 +22,15 @@ RECENT_SUBMAPS = 3  # matched together: one scan of a corridor looks like every 
 OLD_SUBMAPS = 4  # submaps before and after the candidate that make the old map
 MATCHED_BEAMS = 500
 SEARCHED_BEAMS = 200
-AGREE_M, AGREE_RAD = 0.3, 0.05  # the closures of two consecutive submaps must agree this closely
-LEAD = 0.3  # sum of the leads, over all other poses of the window, of closures that agree
+MAX_PLACES = 3  # old places that are searched in turn, if several are within reach
 LOOKUPS_PER_PART = 3_000_000  # cell look-ups in one part of the search: 1 to 2 ms
 MAP_RANGE_M = 30.0  # beams of the old map, up to here: a closure compares near walls
 SEARCH_STD_M = 0.15
+SEARCH_CELL_M = 0.1  # of the map that is searched
 MIN_WINDOW_M, MIN_WINDOW_RAD = 0.5, 0.1
 MAX_WINDOW_RAD = math.pi / 3.0
 DRIFT_RAD_PER_M = 0.003  # growth of the window's angle per metre of loop
-RUNNER_UP_RATIO = 0.9  # a closure is ambiguous if another pose explains this share of it
+SHIFT_MARGIN_M = 2.0  # of the window around a place that was found before
 REACHABLE_MARGIN_M = 1.0  # an old submap this far outside the window may still overlap it
 
 
@@ -41,17 +42,6 @@ class LoopOptions:
     drift_per_m: Annotated[float, Gt(0)] = 0.03  # growth of the search window per metre of loop
     largest_window_m: Annotated[float, Gt(0)] = 12.0  # limit of the window's half side
     accept_score: Annotated[float, Interval(gt=0, le=1)] = 0.6  # share of beams a closure must explain
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
-    """A closure that waits for those of the next submaps, which must agree."""
-
-    old: int
-    new: int
-    old_from_new: Pose2
-    shift: Pose2  # motion of the map at the new submap if the closure is accepted
-    lead: float  # share of the beams that it explains beyond any other pose of the window
 
 
 @dataclass(slots=True, kw_only=True)
@@ -71,9 +61,9 @@ class LoopSearch:
     def __init__(self, options: GridMapperOptions, loops: LoopOptions, submaps: SubmapGraph) -> None:
         self._options, self._loops, self._submaps = options, loops, submaps
         self._current: LoopCandidateSearch | None = None
-        self._newest_searched = -1
-        self._waiting: list[Candidate] = []
-        self.rejected = 0
+        self._searched: set[int] = set()
+        self._hypotheses = LoopHypotheses()
+        self._turn = 0  # which of the places within reach is searched next
 
     @property
     def busy(self) -> bool:
@@ -83,19 +73,17 @@ class LoopSearch:
     def start(self, near: dict[int, float]) -> None:
         """Start a search for a loop between the submap just finished and one that is not in `near`.
 
-        A search may take longer than the robot takes through a submap. While a closure waits for agreement,
-        the submap after its own is searched for, not the one just finished.
+        A search may take longer than the robot takes through a submap: the ones in between are left out.
         """
-        submaps, waiting = self._submaps, self._waiting
-        new = waiting[-1].new + 1 if waiting else submaps.newest - 1
-        if new < RECENT_SUBMAPS or new <= self._newest_searched:
+        new = self._submap_to_search()
+        if new < RECENT_SUBMAPS or new in self._searched:
             return
-        self._newest_searched = new
-        reachable = self._reachable(new, set(range(new)) - near.keys())
-        if not reachable:
-            self._waiting = []
+        self._searched.add(new)
+        places = self._places(new, set(range(new)) - near.keys())
+        if not places:
+            self._hypotheses.miss()
             return
-        old, options = min(reachable)[1], self._options
+        old, options = places[self._turn % len(places)], self._options
         self._current = LoopCandidateSearch(
             old=old,
             new=new,
@@ -105,6 +93,34 @@ class LoopSearch:
                 range_m=MAP_RANGE_M,
             ),
         )
+
+    def _submap_to_search(self) -> int:
+        """Return the submap just finished, or one that was left out near a place that the drive has left."""
+        newest, best = self._submaps.newest - 1, self._hypotheses.best
+        if best is not None and best.misses:
+            found = [closure.new for closure in best.closures]
+            for left_out in (max(found) + RECENT_SUBMAPS, min(found) - RECENT_SUBMAPS):
+                if left_out < newest and left_out not in self._searched:
+                    return left_out
+        return newest
+
+    def _places(self, new: int, old: set[int]) -> list[int]:
+        """Return the old submaps to search for the new one: the nearest of each stretch of the drive.
+
+        If a place was found before, it is the only one.
+        """
+        submaps, hypothesis = self._submaps, self._hypotheses.best
+        reachable = sorted(self._reachable(new, old))
+        if hypothesis is not None and reachable:
+            here = hypothesis.shift @ submaps.pose(new)
+            return [
+                min((each for _, each in reachable), key=lambda each: submaps.pose(each).distance_m(here))
+            ]
+        places: list[int] = []
+        for _, submap in reachable:
+            if all(abs(submap - place) > 2 * OLD_SUBMAPS for place in places):
+                places.append(submap)
+        return places[:MAX_PLACES]
 
     def _reachable(self, new: int, old: set[int]) -> list[tuple[float, int]]:
         """Return which of the old submaps may be where the new one is, with their distances [m].
@@ -147,21 +163,22 @@ class LoopSearch:
         window_m = float(self._window_m(np.array(length_m)))
         window_rad = min(MAX_WINDOW_RAD, MIN_WINDOW_RAD + DRIFT_RAD_PER_M * length_m)
         centre = self._submaps.pose(current.new)
+        for hypothesis in self._hypotheses.all:  # what was found before must not leave the window
+            shifted_m = (hypothesis.shift @ centre).distance_m(centre) + SHIFT_MARGIN_M
+            window_m = max(window_m, min(shifted_m, self._loops.largest_window_m))
         return BranchAndBoundSearch(field, thinned, centre, window_m, window_rad)
 
     def _window_m(self, path_length_m: FloatArray) -> FloatArray:
         growth_m: FloatArray = MIN_WINDOW_M + self._loops.drift_per_m * path_length_m
         return np.minimum(self._loops.largest_window_m, growth_m)
 
-    def _check(self, current: LoopCandidateSearch, found: SearchResult) -> Candidate | None:
-        """Return the closure; None if it explains too little or is ambiguous."""
+    def _check(self, current: LoopCandidateSearch, found: SearchResult) -> Closure | None:
+        """Return the closure; None if it explains too little."""
         submaps, points_m = self._submaps, self._recent_hits(current.new)
         match = GridMatcher(current.old_map.hit_grid, self._options).refine(points_m, found.pose, np.eye(3))
-        ambiguous = found.runner_up > RUNNER_UP_RATIO * found.score
-        if match.score < self._loops.accept_score or ambiguous:
-            self.rejected += 1
+        if match.score < self._loops.accept_score:
             return None
-        return Candidate(
+        return Closure(
             old=current.old,
             new=current.new,
             old_from_new=submaps.pose(current.old).inverse() @ match.pose,
@@ -169,24 +186,20 @@ class LoopSearch:
             lead=found.score - found.runner_up,
         )
 
-    def accept(self, new: int, found: Candidate | None) -> bool:
+    def accept(self, new: int, found: Closure | None) -> bool:
         """Add the closures that agree once they lead clearly; return whether they were added.
 
         `found` is the closure of submap `new`, if there is one. Where a corridor repeats itself, a wrong pose
         may lead a little, submap after submap.
         """
-        here = self._submaps.pose(new)
-        if found is None:
-            self._waiting = []
-            return False
-        agree = self._waiting and _agree(self._waiting[-1].shift @ here, found.shift @ here)
-        self._waiting = [*(self._waiting if agree else []), found]
-        if len(self._waiting) < 2 or sum(each.lead for each in self._waiting) < LEAD:
-            return False
-        for closure in self._waiting:
-            self._submaps.connect(closure.old, closure.new, closure.old_from_new, loop=True)
-        self._waiting = []
-        return True
+        submaps, hypotheses = self._submaps, self._hypotheses
+        clearest = [each.clearest.new for each in hypotheses.all]
+        way_m = {each: submaps.path_length_m(each, new) for each in clearest}
+        accepted = hypotheses.add(found, submaps.pose(new), way_m)
+        self._turn = 0 if hypotheses.all else self._turn + 1
+        for closure in accepted:
+            submaps.connect(closure.old, closure.new, closure.old_from_new, loop=True)
+        return bool(accepted)
 
     def _recent_hits(self, new: int) -> FloatArray:
         """Return the hits of the newest submaps in the frame of submap `new`, shape (n, 2)."""
@@ -203,12 +216,11 @@ class LoopSearch:
 
 
 def _search_field(grid: HitGrid) -> Search[SearchField]:
+    """Return the field of every second cell or so: finer than the likelihood is wide."""
+    step = max(1, round(SEARCH_CELL_M / grid.resolution_m))
+    distance_m, cell_m = np.ascontiguousarray(grid.distance_m[::step, ::step]), step * grid.resolution_m
+    x_m, y_m = grid.corner_m
+    shift_m = 0.5 * (cell_m - grid.resolution_m)  # a large cell takes the distance of its first small one
     return SearchField.search(
-        grid.distance_m, grid.max_distance_m, grid.resolution_m, grid.corner_m, SEARCH_STD_M
+        distance_m, grid.max_distance_m, cell_m, (x_m - shift_m, y_m - shift_m), SEARCH_STD_M
     )
-
-
-def _agree(first: Pose2, second: Pose2) -> bool:
-    """Return whether two closures put the same submap at the same pose, within the noise."""
-    apart = first.inverse() @ second
-    return math.hypot(apart.x_m, apart.y_m) < AGREE_M and abs(apart.theta_rad) < AGREE_RAD

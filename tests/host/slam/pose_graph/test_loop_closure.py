@@ -15,7 +15,8 @@ from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.mapper import Mapper
 from thumper.slam.pose_graph.graph_mapper import GraphMapper
-from thumper.slam.pose_graph.loop_closure import Candidate, LoopOptions, LoopSearch
+from thumper.slam.pose_graph.loop_closure import LoopOptions, LoopSearch
+from thumper.slam.pose_graph.loop_hypotheses import Closure
 from thumper.slam.pose_graph.optimizer import Edge, Solver, factor, residual, substitute
 from thumper.slam.pose_graph.submaps import ODOMETRY_STD_M, ODOMETRY_STD_RAD, SubmapGraph
 
@@ -127,7 +128,7 @@ def test_loop_closes_once_agreeing_closures_lead_clearly(leads: tuple[float, ...
     search = LoopSearch(GridMapperOptions(), LoopOptions(), submaps)
     for number, lead in enumerate(leads):
         new = 10 + number
-        found = Candidate(old=number, new=new, old_from_new=Pose2(), shift=Pose2(y_m=1.0), lead=lead)
+        found = Closure(old=number, new=new, old_from_new=Pose2(), shift=Pose2(y_m=1.0), lead=lead)
         assert search.accept(new, found) == (number == closed_at)
 
 
