@@ -19,6 +19,7 @@ NOTEBOOKS = ROOT / "docs" / "tutorials"
 PAGES = ROOT / "docs" / "notebooks"
 FORMULA = re.compile(r"\$\$(.+?)\$\$|\$([^$]+)\$", re.DOTALL)
 OUTPUT = re.compile(r"\n```text\n.*?\n```\n|\n!\[Output\]\(.*?\)\n", re.DOTALL)
+SOLUTION = "<details markdown>\n<summary>Solution</summary>\n\n{block}\n</details>\n"
 NOTE = "<!-- Written by scripts/render_notebooks.py from docs/tutorials/{name}.ipynb. -->\n"
 
 
@@ -32,7 +33,8 @@ def render(notebook: Any, name: str) -> tuple[str, list[bytes]]:
             parts.append(FORMULA.sub(_mathml, text) + "\n")
             continue
         code = "\n".join(line for line in cell.source.splitlines() if not line.startswith("%"))
-        parts.append(f"```python\n{code.strip()}\n```\n")
+        block = f"```python\n{code.strip()}\n```\n"
+        parts.append(SOLUTION.format(block=block) if "solution" in cell.metadata.get("tags", []) else block)
         for output in cell.get("outputs", []):
             data = output.get("data", {})
             if "image/png" in data:

@@ -4,7 +4,7 @@ The numbers come from two sources. The data sheet gives an accuracy of 30 mm up 
 taken as three sigma of an error that is constant per device and smooth over the bearing. The log of a real
 URG-04LX (MINES ParisTech, 756 scans, without the beams that its robot hides) gives the scan-to-scan noise
 while stationary, and the error codes in runs without an echo, at their ends and at jumps in depth.
-docs/lidar.md has the table.
+docs/results/sensors.md has the table.
 """
 
 import numpy as np
