@@ -22,7 +22,7 @@ def clamp(value: float, limit: float) -> float:
 
 
 class FloatWheel:
-    """The control law of docs/firmware.md in float64, with the constants derived by the firmware."""
+    """The law of docs/explanation/control-law.md in float64, with the constants derived by the firmware."""
 
     def __init__(self) -> None:
         self.setpoint = self.model = self.predicted = self.integral = 0.0
