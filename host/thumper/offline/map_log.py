@@ -23,7 +23,7 @@ from thumper.offline.open_log import open_log
 from thumper.offline.robot_log import RobotLog, corrected
 from thumper.offline.subprocesses import compile_in_subprocess, plot_in_subprocess
 from thumper.slam.factory import MappingOptions, PathMapper, make_mapper
-from thumper.slam.mapper import MapperUpdate
+from thumper.slam.mapper import ChecksMap, MapperUpdate
 from thumper.slam.mode_switch import SlamModeSwitch
 from thumper.slam.mounting import PREDICTION_STD_M, PREDICTION_STD_RAD, MountCheck, MountFinding, describe
 from thumper.slam.saved_state import SavedSlamState, save_session
@@ -133,6 +133,7 @@ def map_records(
             *jumps.summary_lines(),
             *slip.summary_lines(),
             *_lost_lines(lost, total),
+            *filter(None, [mapper.contradiction() if isinstance(mapper, ChecksMap) else ""]),
         ),
     )
 

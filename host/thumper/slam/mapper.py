@@ -130,3 +130,12 @@ class DetectsKidnapping(Protocol):
     def kidnapped(self) -> bool:
         """Whether the robot was carried away: only a search of the whole map can find it."""
         ...
+
+
+@runtime_checkable
+class ChecksMap(Protocol):
+    """A mapper that can tell whether its finished map agrees with itself."""
+
+    def contradiction(self) -> str:
+        """Return where a place is drawn twice; empty if none is. It takes seconds for a large map."""
+        ...

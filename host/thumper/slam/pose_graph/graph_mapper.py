@@ -22,6 +22,7 @@ from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.pose_graph.loop_closure import LoopOptions, LoopSearch
 from thumper.slam.pose_graph.map_rebuild import MapRebuild
 from thumper.slam.pose_graph.optimizer import Edge, Solver
+from thumper.slam.pose_graph.self_check import find_contradiction
 from thumper.slam.pose_graph.submaps import SubmapGraph
 
 # Parts of work per scan: one per this distance since the last scan, which took time, too.
@@ -99,6 +100,11 @@ class GraphMapper:
         while self._solver or self._builds_map or self._search.busy:
             self._run_parts(1)
         return self.submaps.path()
+
+    def contradiction(self) -> str:
+        """Return where a place is drawn twice; empty if none is. It takes seconds for a large map."""
+        found = find_contradiction(self.submaps)
+        return found.text if found else ""
 
     def grid(self) -> OccupancyGrid:
         """Return the whole map as free, occupied or unknown. After a loop it follows some scans later."""

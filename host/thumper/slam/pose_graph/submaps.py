@@ -182,11 +182,11 @@ class SubmapGraph:
         nearest = min(old, key=lambda s: self.pose(s).distance_m(here))
         if (
             self.pose(nearest).distance_m(here) < NEIGHBOUR_DISTANCE_M
-            and self._agreement(nearest, submap) >= accept_score
+            and self.agreement(nearest, submap) >= accept_score
         ):
             self.connect(nearest, submap, self.pose(nearest).inverse() @ here, loop=True)
 
-    def _agreement(self, old: int, new: int) -> float:
+    def agreement(self, old: int, new: int) -> float:
         """Return which share of the new submap's walls lies on those seen from around the old one."""
         last = min(old + OVERLAP_SUBMAPS, new - OVERLAP_SUBMAPS)
         new_m = self.hits_m(new - OVERLAP_SUBMAPS // 2, new, NEW_HITS)
