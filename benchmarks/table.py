@@ -132,7 +132,8 @@ def line(figure: dict[str, str]) -> str:
     """Return a row of the table in Markdown. Call it right after the benchmark, for its load."""
     ours = f"{figure['ours']} {figure.get('unit', '')}".strip()
     aim = figure.get("aim", "")
-    aim += " **missed**" if misses(figure["ours"], aim) else ""
+    missed = " **missed**" if misses(figure["ours"], aim) else ""
+    aim = aim.replace("<=", "≤").replace(">=", "≥").replace("+-", "±") + missed
     peers, source = figure.get("peers", ""), figure.get("source", "")
     others = f"{peers} ({source})" if source else peers
     return f"| {figure['what']} | {ours} | {aim} | {others} | {os.getloadavg()[0]:.1f} |"

@@ -31,7 +31,7 @@ def test_figures_of_a_benchmark_become_rows(folder: Path) -> None:
     figures, succeeded = table.run("fast", "--all")
     assert succeeded
     (row,) = [table.line(figure) for figure in figures]
-    assert row.startswith("| speed --all | 3 m/s | <= 4 | theirs 2 (a paper) | ")
+    assert row.startswith("| speed --all | 3 m/s | ≤ 4 | theirs 2 (a paper) | ")
 
 
 def test_failed_benchmark_keeps_its_figures_and_gets_a_row(folder: Path) -> None:
@@ -98,4 +98,4 @@ def test_missed_aims_are_found(ours: str, aim: str, missed: bool) -> None:  # fr
 
 
 def test_missed_aim_is_marked_in_its_row() -> None:
-    assert "| <= 190 **missed** |" in table.line({"what": "memory", "ours": "193 MB", "aim": "<= 190"})
+    assert "| ≤ 190 **missed** |" in table.line({"what": "memory", "ours": "193 MB", "aim": "<= 190"})
