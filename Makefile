@@ -28,7 +28,7 @@ help:
 	@echo "make wheel-aarch64  the same for 64-bit ARM; drives a simulated robot in qemu"
 	@echo "make sdist     pack the sources into dist/"
 	@echo "make bench     run every benchmark and write docs/results/benchmarks.md and its pages"
-	@echo "make bench-peers  fetch and build navfn, gmapping and LaMa, run them and ours in turn, print the ratios"
+	@echo "make bench-peers  fetch and build navfn, ROS DWA, gmapping, LaMa, run them and ours in turn, print the ratios"
 	@echo "make results   drive the sample campaigns again and write their reports into docs/results/"
 	@echo "make soak      two simulated hours of goals and faults (half an hour); HOURS=8 for more, see docs/results/soak.md"
 	@echo "make mutation  change the firmware, and what decides in the host, line by line; a test must notice (an hour)"
@@ -106,6 +106,7 @@ bench: firmware chip $(VENV)/.dev
 
 bench-peers: $(VENV)/.dev
 	@$(BIN)/python -m benchmarks.peers.planners
+	@$(BIN)/python -m benchmarks.peers.controllers
 	@$(BIN)/python -m benchmarks.peers.mappers
 
 results: firmware chip $(VENV)/.dev

@@ -9,6 +9,22 @@ HERE = Path(__file__).resolve().parent
 OUT = HERE.parents[1] / "out" / "peers"
 FLAGS = ("-O3", "-DNDEBUG", "-march=native", "-w", "-fPIC", "-shared")
 EIGEN = Path("/usr/include/eigen3")
+ROSCPP = Path("/usr/include/ros/ros.h")
+ROS_LIBRARIES = (
+    "roscpp",
+    "rosconsole",
+    "rostime",
+    "roscpp_serialization",
+    "xmlrpcpp",
+    "tf2_ros",
+    "boost_thread",
+)
+LOCAL_PLANNER = (
+    *("simple_trajectory_generator", "simple_scored_sampling_planner", "map_grid_cost_function", "map_grid"),
+    *("map_cell", "obstacle_cost_function", "costmap_model", "oscillation_cost_function", "trajectory"),
+    *("twirling_cost_function", "footprint_helper"),
+)
+COSTMAP = ("costmap_2d", "layer", "layered_costmap", "costmap_math", "footprint", "array_parser")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,7 +38,7 @@ class Source:
     def fetch(self) -> Path:
         """Fetch it once; return its folder. Raises CalledProcessError if that fails."""
         folder = OUT / self.commit[:12]
-        if not (folder / ".complete").exists():
+        if not all((folder / name).exists() for name in (".complete", *self.folders)):
             folder.mkdir(parents=True, exist_ok=True)
             for command in (
                 ("init", "--quiet"),
@@ -34,10 +50,10 @@ class Source:
         return folder
 
 
-NAVIGATION = Source(  # BSD; ROS 1 Noetic, navfn 1.17.3
+NAVIGATION = Source(  # BSD; ROS 1 Noetic, 1.17.3
     url="https://github.com/ros-planning/navigation",
     commit="9ad644198e132d0e950579a3bc72c29da46e60b0",
-    folders=("navfn",),
+    folders=("navfn", "costmap_2d", "base_local_planner"),
 )
 GMAPPING = Source(  # BSD
     url="https://github.com/ros-perception/openslam_gmapping",
@@ -49,8 +65,6 @@ LAMA = Source(  # BSD
 )
 # Why the others are not here.
 NOT_BUILT = {
-    "costmap_2d's inflation layer": "it needs boost, pluginlib, dynamic_reconfigure and roscpp",
-    "dwa_local_planner's critics": "they need the same, and tf2",
     "Cartographer, slam_toolbox": "they need Ceres, Abseil, Lua or ROS 2",
 }
 EXPORTS = {  # headers that gmapping's build generates
@@ -68,7 +82,26 @@ def build_navfn() -> Path:
     """Fetch and build navfn; return the library. Raises CalledProcessError or FileNotFoundError."""
     folder = NAVIGATION.fetch() / "navfn"
     files = [HERE / "navfn.cpp", folder / "src" / "navfn.cpp"]
-    return _build("navfn", files, [HERE / "stub", folder / "include"])
+    return _build("navfn", files, [HERE / "stub_navfn", folder / "include"])
+
+
+def build_dwa() -> Path:
+    """Fetch and build costmap_2d's inflation and DWA's critics; return the library.
+
+    Raises CalledProcessError or FileNotFoundError.
+    """
+    if not ROSCPP.exists():
+        raise FileNotFoundError(f"{ROSCPP}; install libroscpp-dev libtf2-ros-dev libeigen3-dev")
+    folder = NAVIGATION.fetch()
+    local, costmap = folder / "base_local_planner", folder / "costmap_2d"
+    files = [
+        HERE / "dwa.cpp",
+        *(local / "src" / f"{name}.cpp" for name in LOCAL_PLANNER),
+        *(costmap / "src" / f"{name}.cpp" for name in COSTMAP),
+        costmap / "plugins" / "inflation_layer.cpp",
+    ]
+    folders = [HERE / "stub", local / "include", costmap / "include", EIGEN]
+    return _build("dwa", files, folders, ROS_LIBRARIES)
 
 
 def build_gmapping() -> Path:
@@ -105,14 +138,16 @@ def build_lama() -> Path:
     return _build("lama", [HERE / "lama.cpp", *files, zstd], folders)
 
 
-def _compile(compiler: str, name: str, files: list[Path], folders: list[Path]) -> Path:
+def _compile(
+    compiler: str, name: str, files: list[Path], folders: list[Path], libraries: tuple[str, ...] = ()
+) -> Path:
     library = OUT / f"lib{name}.so"
     newest_s = max(file.stat().st_mtime for file in (Path(__file__), *files))
     if library.exists() and library.stat().st_mtime > newest_s:
         return library
     standard = ("-std=gnu++17",) if compiler == "g++" else ()
     includes = (f"-I{folder}" for folder in folders)
-    outputs = ("-o", str(library), f"-Wl,-rpath,{OUT}", "-lpthread")
+    outputs = ("-o", str(library), f"-Wl,-rpath,{OUT}", "-lpthread", *(f"-l{name}" for name in libraries))
     subprocess.run([compiler, *FLAGS, *standard, *includes, *map(str, files), *outputs], check=True)
     return library
 
