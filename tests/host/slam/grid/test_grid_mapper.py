@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from benchmarks.shared.rooms import room_scan
 
-from thumper.common.geometry import Pose2, Twist2, wrap_angle
+from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.slam.grid.grid_mapper import GridMapper
+from thumper.slam.grid.kidnap_detector import KidnapDetector
 from thumper.slam.grid.options import GridMapperOptions
+from thumper.slam.grid.slide_detector import SlideDetector
 from thumper.slam.mapper import Mapper
 
 STILL = Twist2()
@@ -200,3 +202,19 @@ def test_obstacle_that_moved_away_is_cleared() -> None:
     grid = mapper.grid()
     row, col = grid.cell_of(0.0, -0.8)
     assert (grid.cells[row - 1 : row + 2, col] == FREE).all()
+
+
+@pytest.mark.parametrize("suspect", [False, True])
+def test_rejected_match_counts_as_odometry_for_the_slide(
+    monkeypatch: pytest.MonkeyPatch, suspect: bool
+) -> None:
+    """The pose follows odometry then, so it does not slide."""
+    monkeypatch.setattr(KidnapDetector, "suspect", property(lambda _: suspect))
+    apart_m = list[float]()
+
+    def noted(_: SlideDetector, hits_m: FloatArray, moved: Pose2, matched: Pose2, heading_rad: float) -> None:
+        apart_m.append(moved.distance_m(matched))
+
+    monkeypatch.setattr(SlideDetector, "update", noted)
+    driven(GridMapper(), Pose2(), slip=0.2)
+    assert (max(apart_m) < 1e-9) == suspect
