@@ -248,6 +248,7 @@ class Navigator:
             v_limit_m_s=self._parts.speed_limiter.limit_m_s(cycle.map_from_base, path.path_m, remaining_m),
             period_s=cycle.period_s,
             pose_costmap=self._parts.model.pose_costmap,
+            fine_costmap=self._parts.model.fine_costmap,
             move_ahead_m=self._parts.model.move_ahead_m,
         )
 
@@ -257,7 +258,8 @@ class Navigator:
         problem = active.recovery.check(
             time_s, request, path.remaining_m(base), self._reason, dead_end=self._parts.follower.dead_end
         )
-        if active.recovery.is_stationary(time_s):
+        manoeuvre = self._parts.follower.goal_manoeuvre
+        if active.recovery.is_stationary(time_s) and not manoeuvre.active:
             checker.accept_within_tolerance(base)
         if checker.position_reached:
             return self._parts.follower.rotate_to_heading(request, active.goal)
@@ -297,6 +299,7 @@ class Navigator:
         """Pass the command through the command filter and update the state."""
         recovering = self._state is NavigationState.RECOVERING
         follows = not recovering and not active.checker.position_reached and len(request.path_m) > 0
+        follows &= not self._parts.follower.goal_manoeuvre.active  # it plans again, from where it is
         filtered = self._parts.command_filter.filter(result, request, allow_escape=follows)
         if filtered.command is None:
             return self._rejected(time_s, active, filtered.reason, result, request)

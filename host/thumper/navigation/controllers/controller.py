@@ -1,5 +1,6 @@
 """The interface of the controllers: pose, speed, path and costmap in, the next twist or a reason out."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -22,6 +23,7 @@ class ControlRequest:
     period_s: float  # time until the next command
     # The costmap for planning poses: unseen ground beside the robot is unknown in it, not an obstacle.
     pose_costmap: Costmap | None = None
+    fine_costmap: Callable[[], Costmap] | None = None  # the same in finer cells
     move_ahead_m: float = 0.0  # to drive straight ahead until the tail's ground has been seen; 0: it has
 
 

@@ -18,8 +18,8 @@ from thumper.navigation.speed_limits import is_still
 BEGIN_M = 0.8  # from the goal
 AGAIN_M = 0.25  # nearer, or after AGAIN_CYCLES, it looks once more
 AGAIN_CYCLES = 20
-MOST_ATTEMPTS = 4
-BLOCKED_CYCLES = 8  # then it plans again from where it is
+MOST_ATTEMPTS = 8
+BLOCKED_CYCLES = 4  # then it plans again from where it is
 SAME_PLACE_M = 0.03
 
 
@@ -42,7 +42,7 @@ class GoalManoeuvre:
     def stop(self) -> None:
         """End the manoeuvre; another may begin."""
         self._follower.stop()
-        self._stopping = False
+        self._stopping = self._wanted = False
 
     @property
     def active(self) -> bool:
@@ -77,7 +77,7 @@ class GoalManoeuvre:
         self._stopping, self._blocked, self.place = False, 0, ""
         self._attempts += 1
         self._failed_m, self._cycles = goal.distance_m(request.map_from_base), 0
-        costmap = request.pose_costmap or request.costmap
+        costmap = request.fine_costmap() if request.fine_costmap else request.costmap
         found = goal_poses(costmap, self._footprint, goal)
         if len(found.poses) == 0:
             return None
@@ -97,8 +97,11 @@ class GoalManoeuvre:
         return self._follow(request, goal)
 
     def _follow(self, request: ControlRequest, goal: Goal) -> ControlResult | None:
+        refused = self._wanted and request.last_command == Twist2()
         result = self._follower.compute_command(request)
-        self._blocked = self._blocked + 1 if result is not None and result.command is None else 0
+        self._wanted = result is not None and result.command not in (None, Twist2())
+        blocked = refused or (result is not None and result.command is None)
+        self._blocked = self._blocked + 1 if blocked else 0
         if self._blocked > BLOCKED_CYCLES:
             self._follower.stop()
             self._stopping = self._attempts < MOST_ATTEMPTS
@@ -109,6 +112,8 @@ class GoalManoeuvre:
         self.arrived = goal.distance_m(base) <= goal.tolerance_m and (
             abs(goal.heading_error_rad(base)) <= goal.heading_tolerance_rad
         )
-        if not self.arrived:
-            self.place = ""  # the usual controllers go on, to the goal itself
-        return ControlResult(command=Twist2()) if self.arrived else None
+        if self.arrived:
+            return ControlResult(command=Twist2())
+        self.place = ""
+        self._stopping = self._attempts < MOST_ATTEMPTS  # else the usual controllers go on
+        return ControlResult(command=Twist2()) if self._stopping else None

@@ -31,12 +31,15 @@ from thumper.navigation.speed_limits import SpeedLimits, step_toward, stoppable_
 SIDE_GAIN, HEADING_GAIN = 20.0, 9.0  # [1/m^2], [1/m]: critically damped over about a quarter of a metre
 AT_POSE_M, AT_POSE_RAD = 0.01, 0.06
 FASTEST_TURN_RAD_S = 0.8
+ROOMY_M_S, ROOMY_AHEAD_M = 0.25, 0.15  # where that far ahead has room for the outline, if not to turn
 ROOM_M = 0.03  # beyond the circumscribed circle: enough for any controller
 SAME_PLACE_M = 1e-6
 SLOWEST_M_S = 0.05
 STEP_S = 0.05
 NEAR_M = 0.3  # the robot backs straight to a pose nearer than this
 SPARE_M = 0.02  # more room than usual beside a straight way that the search did not choose
+MOST_ERROR_RAD = 0.15  # beside obstacles the robot turns on the spot if its heading is further off
+BEND_RAD = 0.02  # a step that turns by less is straight
 MAX_OFFSET_M = 0.08  # a robot further from its poses gives them up
 
 
@@ -81,7 +84,7 @@ class PoseSequenceFollower:
         self._poses: FloatArray = np.empty((0, 3))
         self._index = 0
         self._passage_only = self._was_tight = self._whole = False
-        self._fastest_m_s = options.v_m_s
+        self._fastest_m_s, self._fastest_rad_s = options.v_m_s, FASTEST_TURN_RAD_S
         self._search = SlicedSearch[FloatArray]()
         self.active = False
         self.reaches_goal = False  # the poses lead to the goal, not only toward it
@@ -104,14 +107,20 @@ class PoseSequenceFollower:
         """Begin to plan poses that lead exactly to one of the ends; see `LatticePlanner.search_poses_to`."""
         self.active, self._passage_only, self._whole = False, False, True
         costmap = request.pose_costmap or request.costmap
-        self._search.start(self._direct_poses(request, costmap, ends, end_costs_m))
+        fine = request.fine_costmap() if request.fine_costmap else costmap
+        self._search.start(self._direct_poses(request, costmap, fine, ends, end_costs_m))
 
     def _direct_poses(
-        self, request: ControlRequest, costmap: Costmap, ends: FloatArray, end_costs_m: FloatArray
+        self,
+        request: ControlRequest,
+        costmap: Costmap,
+        fine: Costmap,
+        ends: FloatArray,
+        end_costs_m: FloatArray,
     ) -> Search[FloatArray]:
         """Return poses to one of the ends: straight as far as that is free, then as planned."""
         base = request.map_from_base
-        poses: FloatArray = yield from self._lattice.search_poses_to(costmap, base, ends, end_costs_m)
+        poses: FloatArray = yield from self._lattice.search_poses_to(costmap, fine, base, ends, end_costs_m)
         if len(poses) == 0:
             return poses
         direct: FloatArray = np.array(((*poses[0, :2], base.theta_rad), poses[0]))  # a turn on the spot
@@ -168,9 +177,12 @@ class PoseSequenceFollower:
         tight = not self._has_room(request)
         passed = self._passage_only and self._was_tight and not tight
         self._was_tight |= tight
-        self._fastest_m_s = self._options.v_m_s
+        self._fastest_m_s, self._fastest_rad_s = self._options.v_m_s, FASTEST_TURN_RAD_S
         if self._whole and not tight:
             self._fastest_m_s = max(self._fastest_m_s, request.v_limit_m_s)
+            self._fastest_rad_s = self._limits.w_max_rad_s
+        elif self._whole and self._is_roomy_ahead(request):
+            self._fastest_m_s = max(self._fastest_m_s, min(ROOMY_M_S, request.v_limit_m_s))
         wanted = None if passed else self._wanted(request)
         if wanted is None:
             self.active = False
@@ -182,8 +194,10 @@ class PoseSequenceFollower:
         )
         driven_s = limits.latency_s + period_s + braking_distance_s(command, limits)
         poses = simulated_poses(request, command, limits, step_s=STEP_S, count=math.ceil(driven_s / STEP_S))
-        start = request.map_from_base
-        if not poses_are_free(request.costmap, self._footprint, poses, start, unknown_blocks=False):
+        start, costmap = request.map_from_base, request.costmap
+        if self._whole and request.fine_costmap:
+            costmap = request.fine_costmap()  # as it was planned; the collision monitor checks unseen ground
+        if not poses_are_free(costmap, self._footprint, poses, start, unknown_blocks=False):
             return ControlResult(command=None, reason="the path through the tight passage is not free")
         return ControlResult(command=command, trajectory=self._poses)
 
@@ -193,6 +207,14 @@ class PoseSequenceFollower:
         rows, cols = costmap.cells_of(np.array(((base.x_m, base.y_m),)))
         room_m = math.sqrt(float(costmap.squared_cells[rows[0], cols[0]])) * costmap.resolution_m
         return room_m >= self._footprint.circumscribed_radius_m + ROOM_M
+
+    def _is_roomy_ahead(self, request: ControlRequest) -> bool:
+        """Return whether the robot can drive straight ahead with room to spare on both sides."""
+        base = request.map_from_base
+        poses = straight_poses(base, ROOMY_AHEAD_M)
+        return poses_are_free(
+            request.costmap, self._footprint.grown(ROOM_M), poses, base, unknown_blocks=False
+        )
 
     def _wanted(self, request: ControlRequest) -> Twist2 | None:
         """Return the twist toward the next pose that is not yet reached; None if there is none."""
@@ -221,7 +243,7 @@ class PoseSequenceFollower:
             return None
         left_rad += self._same_turn_rad(turn_rad)
         speed = stoppable_speed(left_rad, self._limits.w_accel_rad_s2, self._limits.latency_s)
-        speed = min(speed, FASTEST_TURN_RAD_S, self._limits.w_max_rad_s)
+        speed = min(speed, self._fastest_rad_s, self._limits.w_max_rad_s)
         return Twist2(w_rad_s=math.copysign(max(SLOWEST_TURN_RAD_S, speed), turn_rad))
 
     def _same_turn_rad(self, turn_rad: float) -> float:
@@ -246,25 +268,33 @@ class PoseSequenceFollower:
         error_m = offset_m - fraction * segment.step_m
         side_m = -math.sin(heading_rad) * error_m[0] + math.cos(heading_rad) * error_m[1]
         error_rad = wrap_angle(theta_rad - heading_rad)
+        if self._whole and abs(error_rad) > MOST_ERROR_RAD:
+            return self._turn(theta_rad, heading_rad, -error_rad)
         forward = segment.step_m @ np.array((math.cos(heading_rad), math.sin(heading_rad))) > 0.0
-        room_m = left_m + self._same_direction_m(forward)
+        room_m, bend_m = self._ahead_m(segment, left_m, forward)
         speed = stoppable_speed(room_m, self._limits.v_accel_m_s2, self._limits.latency_s)
-        v_m_s = math.copysign(min(self._fastest_m_s, max(SLOWEST_M_S, speed)), 1.0 if forward else -1.0)
+        in_bend_m_s = self._options.v_m_s + stoppable_speed(
+            bend_m, self._limits.v_accel_m_s2, self._limits.latency_s
+        )
+        fastest_m_s = min(self._fastest_m_s, in_bend_m_s)
+        v_m_s = math.copysign(min(fastest_m_s, max(SLOWEST_M_S, speed)), 1.0 if forward else -1.0)
         feed_forward = abs(v_m_s) * segment.turn_rad / segment.length_m
         w_rad_s = feed_forward - HEADING_GAIN * abs(v_m_s) * error_rad - SIDE_GAIN * v_m_s * side_m
         limit = self._limits.w_max_rad_s
         return Twist2(v_m_s=v_m_s, w_rad_s=min(max(w_rad_s, -limit), limit))
 
-    def _same_direction_m(self, forward: bool) -> float:
-        """Return the distance after the next pose that continues in the same direction [m]."""
-        total_m = 0.0
+    def _ahead_m(self, segment: PoseStep, left_m: float, forward: bool) -> tuple[float, float]:
+        """Return how far the poses go on in the same direction, and how far to the next bend [m]."""
+        total_m, bend_m = left_m, 0.0 if abs(segment.turn_rad) > BEND_RAD else math.inf
         for here, there in zip(self._poses[self._index + 1 :], self._poses[self._index + 2 :], strict=False):
             step_m = there[:2] - here[:2]
             along_m = float(step_m @ np.array((math.cos(here[2]), math.sin(here[2]))))
             if abs(along_m) < 1e-6 or (along_m > 0.0) != forward:
                 break
+            if abs(there[2] - here[2]) > BEND_RAD:
+                bend_m = min(bend_m, total_m)
             total_m += math.hypot(*step_m)
-        return total_m
+        return total_m, bend_m
 
 
 def straight_way(start: Pose2, end: FloatArray) -> FloatArray:

@@ -1,6 +1,7 @@
 """The obstacles round the robot, from map, scan and memory: as costmaps and as points."""
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -67,6 +68,8 @@ class LocalModel:
         self.local_costmap: Costmap | None = None  # finer, round the robot, for the controllers
         self.pose_costmap: Costmap | None = None  # the same with unseen ground open, if there is any
         self.move_ahead_m = 0.0  # see `UnseenGround.move_ahead_m`
+        self._window: tuple[OccupancyGrid, FloatArray] | None = None
+        self._fine: Costmap | None = None
         self.hits_m: FloatArray = np.empty((0, 2))  # the newest scan's hits in map, averaged by surface
         self.obstacles = NO_OBSTACLES  # in map, near the robot
 
@@ -92,6 +95,7 @@ class LocalModel:
         closed_m = self._unseen.beyond_slack(unseen_m, base)
         self.local_costmap = self._window_costs(window, seen_m, closed_m)
         self.pose_costmap = self._window_costs(window, seen_m, NOTHING) if len(unseen_m) else None
+        self._window, self._fine = (window, seen_m), None
         error_m = self._control_memory.position_error_m
         self.obstacles = ObstaclePoints(
             points_m=np.vstack((seen_m, unseen_m)),
@@ -100,6 +104,17 @@ class LocalModel:
         )
         self.costmap = self._layers.update(cycle.grid, np.vstack((self.hits_m, far_m)))
         return self.costmap
+
+    def fine_costmap(self) -> Costmap:
+        """Return the costs round the robot, with unseen ground open, in cells of half the size."""
+        assert self._window is not None  # the model was updated
+        if self._fine is None:
+            window, seen_m = self._window
+            finer = replace(
+                window, cells=window.cells.repeat(2, 0).repeat(2, 1), resolution_m=0.5 * window.resolution_m
+            )
+            self._fine = self._window_costs(finer, seen_m, NOTHING)
+        return self._fine
 
     def static_band(self, grid: OccupancyGrid, begin: int, end: int) -> Costmap:
         """Return rows of the costmap without scan and memory, whose obstacles may have moved since."""

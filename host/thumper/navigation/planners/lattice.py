@@ -27,6 +27,10 @@ HEURISTIC_WEIGHT = 1.2  # finds a path sooner that costs at most 20 % more
 MAX_NODES = 200_000  # then A* plans with the inscribed circle alone
 SMOOTHING_ROUNDS = 6
 LEAST_GOAL_RADIUS_CELLS = 2.0
+# The way to a goal beside obstacles: more room than needed lets the robot pass without a stop ...
+SPARE_M = 0.025
+TIGHT_MOVE_M = 0.5  # ... and a move without it costs this much free path
+NEAR_BACK_WEIGHT = 2.0  # over ground that the lidar has just seen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,11 +99,12 @@ class LatticePlanner:
         if potential[ends.start] == 0.0:
             return np.empty((0, 3))
         cell_m = costmap.resolution_m
-        grid = CollisionGrid.from_costmap(costmap, self._footprint)
+        grid = self._in_cells(costmap, costmap, self._footprint)
         problem = LatticeProblem(
             cells=cells,
             potential=potential,
-            grid=grid._replace(origin=np.zeros(2), resolution=1.0, outline=grid.outline / cell_m),
+            grid=grid,
+            roomy=grid,
             starts=np.append(ends.start_cells, map_from_base.theta_rad)[None],
             start_costs=np.zeros(1),
             end=(np.array((goal.x_m, goal.y_m)) - costmap.origin_m) / cell_m,
@@ -112,12 +117,18 @@ class LatticePlanner:
         return poses
 
     def search_poses_to(
-        self, costmap: Costmap, map_from_base: Pose2, ends: FloatArray, end_costs_m: FloatArray
+        self,
+        costmap: Costmap,
+        fine: Costmap,
+        map_from_base: Pose2,
+        ends: FloatArray,
+        end_costs_m: FloatArray,
     ) -> Search[FloatArray]:
         """Return poses, shape (n, 3), that lead exactly to one of the ends, shape (m, 3); or none.
 
         The headings of the ends differ by multiples of the lattice's; each has a cost, shape (m,), in metres
-        of free space. Searches from the ends back to the robot, which then turns to the first pose.
+        of free space. Searches from the ends back to the robot, which then turns to the first pose. The way
+        keeps `SPARE_M` more than needed where it can; `fine` is the costmap in cells as fine or finer.
         """
         cells = self.cell_costs(costmap)
         x_m, y_m, _ = ends[0]
@@ -130,11 +141,11 @@ class LatticePlanner:
         potential = yield from search_dijkstra(cells, found.start, -1, False, POTENTIAL_MARGIN)
         starts = ends.copy()
         starts[:, :2] = (ends[:, :2] - costmap.origin_m) / cell_m
-        grid = CollisionGrid.from_costmap(costmap, self._footprint)
         problem = LatticeProblem(
             cells=cells,
             potential=potential,
-            grid=grid._replace(origin=np.zeros(2), resolution=1.0, outline=grid.outline / cell_m),
+            grid=self._in_cells(costmap, fine, self._footprint),
+            roomy=self._in_cells(costmap, fine, self._footprint.grown(SPARE_M)),
             starts=starts,
             start_costs=end_costs_m / cell_m,
             end=found.start_cells,
@@ -142,7 +153,11 @@ class LatticePlanner:
             robot=np.append(found.start_cells, map_from_base.theta_rad),
             backward=True,
         )
-        poses = yield from search_lattice(problem, self._weights(cell_m, known_ground=True))
+        weights = self._weights(cell_m, known_ground=True)
+        weights = weights._replace(
+            reverse=min(weights.reverse, NEAR_BACK_WEIGHT), tight=TIGHT_MOVE_M / cell_m
+        )
+        poses = yield from search_lattice(problem, weights)
         poses[:, :2] = poses[:, :2] * cell_m + costmap.origin_m
         return poses
 
@@ -162,4 +177,15 @@ class LatticePlanner:
             escape_radius=self._traversal.escape_radius_m / cell_m,
             max_nodes=MAX_NODES,
             known_ground=known_ground,
+            tight=0.0,
+        )
+
+    @staticmethod
+    def _in_cells(costmap: Costmap, checked: Costmap, footprint: Footprint) -> CollisionGrid:
+        """Return what the outline is checked in, with lengths in cells of `costmap`."""
+        grid, cell_m = CollisionGrid.from_costmap(checked, footprint), costmap.resolution_m
+        return grid._replace(
+            origin=(grid.origin - costmap.origin_m) / cell_m,
+            resolution=grid.resolution / cell_m,
+            outline=grid.outline / cell_m,
         )

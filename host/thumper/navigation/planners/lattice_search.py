@@ -35,7 +35,8 @@ class LatticeProblem(NamedTuple):
 
     cells: CellCosts
     potential: CostArray  # shape (rows * cols,), from the end, as `search_dijkstra` returns it
-    grid: CollisionGrid  # origin 0, resolution 1
+    grid: CollisionGrid  # in cells; its own cells may be finer
+    roomy: CollisionGrid  # the same with a larger outline: what it touches is tight
     starts: FloatArray  # x, y, theta, shape (n, 3); the headings differ by multiples of TURN_RAD
     start_costs: FloatArray  # shape (n,)
     end: FloatArray  # x, y
@@ -53,6 +54,7 @@ class LatticeWeights(NamedTuple):
     escape_radius: float  # this near to the start the footprint may touch what it touches there
     max_nodes: int
     known_ground: bool  # whether moves backward and rotations need known ground
+    tight: float  # cost of a move to a tight pose
 
 
 class Nodes(NamedTuple):
@@ -170,6 +172,27 @@ def move_is_free(
     return is_free(problem.grid, mx, my, mean, allowed, needs_known)
 
 
+@kernel
+def cost_of_room(
+    problem: LatticeProblem,
+    weights: LatticeWeights,
+    start: tuple[float, float, float],
+    motion: tuple[int, float],
+    touching: int,
+    needs_known: bool,
+) -> float:
+    """Return what a move costs more because it is tight; inf if it is not free."""
+    x, y, theta = start
+    change, length = motion
+    nx, ny = moved(x, y, theta + 0.5 * change * TURN_RAD, length)
+    near = math.hypot(nx - problem.robot[0], ny - problem.robot[1]) < weights.escape_radius
+    if not move_is_free(problem, start, motion, touching if near else 0, needs_known):
+        return np.inf
+    if weights.tight == 0.0 or is_free(problem.roomy, nx, ny, theta + change * TURN_RAD, 0, False):
+        return 0.0
+    return weights.tight
+
+
 class Bins(NamedTuple):
     """The bins of position and heading, rows of bins by columns of bins times headings."""
 
@@ -243,8 +266,8 @@ def lattice_slice(
             cost = nodes.cost[node] + abs(change) * TURN_RAD * weights.turn + abs(length) * cell_cost * weight
             if other >= 0 and (nodes.closed[other] or nodes.cost[other] <= cost):
                 continue
-            allowed = touching if math.hypot(nx - robot[0], ny - robot[1]) < weights.escape_radius else 0
-            if not move_is_free(problem, (x, y, theta), (change, length), allowed, needs_known):
+            cost += cost_of_room(problem, weights, (x, y, theta), (change, length), touching, needs_known)
+            if not cost < np.inf or (other >= 0 and nodes.cost[other] <= cost):
                 continue
             nodes, keys, items = with_room(nodes, keys, items, size, count)
             if other >= 0:

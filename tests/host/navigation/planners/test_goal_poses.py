@@ -9,6 +9,7 @@ from thumper.common.geometry import Pose2
 from thumper.common.resumable import run_to_end
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_costmap
+from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.goal_poses import goal_poses, has_turning_room
@@ -61,7 +62,7 @@ def test_poses_lead_exactly_to_one_of_the_ends(beside_wall: Costmap) -> None:
     """From the middle of the room to the wall; the last pose is an end, the first is near the robot."""
     lattice = LatticePlanner(LatticeOptions(), TraversalCostOptions(), Footprint())
     ends, costs_m = goal_poses(beside_wall, Footprint(), Goal(x_m=0.5, y_m=WALL_Y_M + 0.12))
-    poses = run_to_end(lattice.search_poses_to(beside_wall, Pose2(y_m=-0.2), ends, costs_m))
+    poses = run_to_end(lattice.search_poses_to(beside_wall, beside_wall, Pose2(y_m=-0.2), ends, costs_m))
     assert len(poses) > 2
     assert math.hypot(poses[0, 0], poses[0, 1] + 0.2) < 0.06
     offsets = ends - poses[-1]
@@ -72,3 +73,14 @@ def test_poses_lead_exactly_to_one_of_the_ends(beside_wall: Costmap) -> None:
         axis=1,
     )
     assert forward_m.sum() > 0.5  # in the order of the motion, nose first
+
+
+def test_way_to_a_goal_grazes_no_wall_where_there_is_room(beside_wall: Costmap) -> None:
+    """The robot is to stand with its tail at the wall: it turns further away from it and backs up."""
+    lattice = LatticePlanner(LatticeOptions(), TraversalCostOptions(), Footprint())
+    end = np.array(((0.8, WALL_Y_M + 0.19, 0.5 * math.pi),))
+    start = Pose2(x_m=-0.2, y_m=-0.65)
+    poses = run_to_end(lattice.search_poses_to(beside_wall, beside_wall, start, end, np.zeros(1)))
+    roomy = CollisionGrid.from_costmap(beside_wall, Footprint().grown(0.025))
+    assert len(poses) > 5
+    assert not [pose for pose in poses[:-1] if lethal_count(roomy, False, *pose) > 0]

@@ -1,0 +1,101 @@
+"""The way to a goal beside a wall: bends are driven slowly, and what is refused is planned again."""
+
+import math
+
+import numpy as np
+import pytest
+
+from thumper.common.geometry import Pose2, Twist2
+from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.controllers.controller import ControlRequest, ControlResult
+from thumper.navigation.controllers.goal_manoeuvre import BLOCKED_CYCLES, GoalManoeuvre
+from thumper.navigation.controllers.tight_passage import PoseSequenceFollower, TightPassageOptions
+from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
+from thumper.navigation.footprint import Footprint
+from thumper.navigation.goal import Goal
+from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
+from thumper.navigation.planners.traversal_cost import TraversalCostOptions
+from thumper.navigation.speed_limits import SpeedLimits
+
+WALL_Y_M = -1.0
+GOAL = Goal(x_m=0.5, y_m=WALL_Y_M + 0.14)
+
+
+def request_at(pose: Pose2, last_command: Twist2 | None = None) -> ControlRequest:
+    cells = np.zeros((160, 160), np.int8)
+    cells[:40] = 100
+    grid = OccupancyGrid(cells=cells, resolution_m=0.025, origin_x_m=-2.0, origin_y_m=-2.0)
+    return ControlRequest(
+        map_from_base=pose,
+        twist=Twist2(),
+        last_command=last_command or Twist2(),
+        path_m=np.array(((0.0, 0.0), (0.5, -0.9))),
+        costmap=build_costmap(grid, np.empty((0, 2)), Footprint(), CostmapOptions()),
+        v_limit_m_s=0.4,
+        period_s=0.1,
+    )
+
+
+@pytest.fixture
+def follower() -> PoseSequenceFollower:
+    lattice = LatticePlanner(LatticeOptions(), TraversalCostOptions(), Footprint())
+    return PoseSequenceFollower(TightPassageOptions(), SpeedLimits(), Footprint(), lattice)
+
+
+def begun(follower: PoseSequenceFollower, start: Pose2) -> tuple[GoalManoeuvre, ControlResult]:
+    """Return a manoeuvre that has planned its way, and its first motion."""
+    manoeuvre = GoalManoeuvre(follower, Footprint())
+    for _ in range(50):
+        result = manoeuvre.compute_command(request_at(start), GOAL)
+        if result is not None and result.command not in (None, Twist2()):
+            return manoeuvre, result
+    raise AssertionError("no way was found")
+
+
+def test_refused_motion_is_planned_again(follower: PoseSequenceFollower) -> None:
+    """Whoever refuses it, the robot does not ask for the same motion for ever."""
+    start = Pose2(x_m=0.2, y_m=-0.5)
+    manoeuvre, _ = begun(follower, start)
+    for _ in range(BLOCKED_CYCLES + 1):
+        assert follower.active
+        manoeuvre.compute_command(request_at(start), GOAL)
+    assert manoeuvre.active
+    assert not follower.active
+
+
+def test_motion_under_way_is_not_refused(follower: PoseSequenceFollower) -> None:
+    start = Pose2(x_m=0.2, y_m=-0.5)
+    manoeuvre, result = begun(follower, start)
+    for _ in range(3 * BLOCKED_CYCLES):
+        assert result.command is not None
+        step = manoeuvre.compute_command(request_at(start, last_command=Twist2(w_rad_s=-0.3)), GOAL)
+        assert step is not None
+        result = step
+    assert follower.active
+
+
+def test_robot_off_its_heading_turns_on_the_spot(follower: PoseSequenceFollower) -> None:
+    """Beside a wall a correction on the way would bring a corner into it."""
+    ends = np.array(((0.7, -0.2, 0.0),))
+    follower.plan_to(request_at(Pose2(y_m=-0.2)), ends, np.zeros(1))
+    while follower.advance() is None:
+        pass
+    result = follower.compute_command(request_at(Pose2(x_m=0.3, y_m=-0.2, theta_rad=0.3)))
+    assert result is not None
+    assert result.command is not None
+    assert result.command.v_m_s == 0.0
+    assert result.command.w_rad_s < 0.0
+
+
+def test_robot_is_slow_where_the_way_bends(follower: PoseSequenceFollower) -> None:
+    along = np.linspace(0.0, 0.3, 5)
+    bend = np.column_stack((along, np.full(5, -0.2), 0.8 * along / 0.3))
+    follower._poses, follower._whole, follower.active = bend, True, True
+    for speed_m_s in (0.1, 0.2, 0.3):
+        result = follower.compute_command(
+            request_at(Pose2(x_m=0.02, y_m=-0.2), last_command=Twist2(v_m_s=speed_m_s))
+        )
+        assert result is not None
+        assert result.command is not None
+        assert result.command.v_m_s <= max(0.121, speed_m_s - 0.039)
+        assert math.isfinite(result.command.w_rad_s)
