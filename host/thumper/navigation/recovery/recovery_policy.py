@@ -1,5 +1,6 @@
 """Recovery policy: when to start a recovery, which one, and when to give up."""
 
+import math
 from functools import partial
 
 from thumper.common.geometry import Twist2
@@ -17,6 +18,7 @@ from thumper.navigation.recovery.reachability import Reachability
 from thumper.navigation.speed_limits import SpeedLimits
 from thumper.navigation.state import CycleInput, Stop
 
+FIT_PERIOD_S = 1.0  # how long the check of the room at the goal is valid
 UNREACHABLE_S = 0.5  # an unreachable goal without a path is given up, or observed again, after this time
 
 
@@ -45,6 +47,7 @@ class RecoveryPolicy:
         self._beside_unseen = False
         self._rejected_since_s: float | None = None
         self._dead_end = False
+        self._never_fits, self._fit_checked_s = False, -math.inf
         self.current = ""  # the newest recovery, with its cause
 
     def restart_timers(self) -> None:
@@ -85,7 +88,7 @@ class RecoveryPolicy:
         stationary = self.is_stationary(time_s)
         self._dead_end = stationary and dead_end
         is_close = stationary and left_m < self._goal.tolerance_m + self._footprint.circumscribed_radius_m
-        if (self._dead_end or is_close) and self._can_never_fit(request):
+        if (self._dead_end or is_close) and self._can_never_fit(time_s, request):
             self._behaviors.abort()
         elif not self._dead_end:
             return progress.problem
@@ -108,7 +111,8 @@ class RecoveryPolicy:
     def start_recovery(self, time_s: float, request: ControlRequest, problem: str) -> Stop | None:
         """Start the next recovery; return why the drive ends if there is none left."""
         self._rejected_since_s = None
-        only_rotate = self._dead_end or self._is_unreachable(request) or self._can_never_fit(request)
+        only_rotate = self._dead_end or self._is_unreachable(request)
+        only_rotate = only_rotate or self._can_never_fit(time_s, request)
         if self._behaviors.start(time_s, request, only_rotate=only_rotate):
             self.current = f"{self._behaviors.name}, because {problem}"
             return None
@@ -133,12 +137,21 @@ class RecoveryPolicy:
             return False
         return self._reachability.is_unreachable(self._costmap, request.map_from_base, self._goal)
 
-    def _can_never_fit(self, request: ControlRequest) -> bool:
-        """Return whether the goal never had room for the robot, and has none in the finer window."""
+    def _can_never_fit(self, time_s: float, request: ControlRequest) -> bool:
+        """Return whether the goal never had room for the robot, and has none in the finer window.
+
+        Looks at most once per `FIT_PERIOD_S`.
+        """
+        if time_s - self._fit_checked_s >= FIT_PERIOD_S:
+            self._never_fits, self._fit_checked_s = self._has_no_room(request), time_s
+        return self._never_fits
+
+    def _has_no_room(self, request: ControlRequest) -> bool:
         if self._costmap is None:
             return False
         radius_m = self._goal.tolerance_m + self._footprint.circumscribed_radius_m
         around = self._reachability.optimistic_around(self._costmap, self._goal, radius_m)
         if footprint_fits(around, self._footprint, self._goal):
             return False
-        return len(goal_poses(request.costmap, self._footprint, self._goal).poses) == 0
+        costmap = request.fine_costmap() if request.fine_costmap else request.costmap
+        return len(goal_poses(costmap, self._footprint, self._goal).poses) == 0

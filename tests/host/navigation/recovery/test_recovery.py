@@ -16,6 +16,7 @@ from thumper.navigation.options import NavigationOptions
 from thumper.navigation.planners.astar import AStarPlanner
 from thumper.navigation.planners.goal_validation import footprint_fits
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
+from thumper.navigation.recovery import recovery_policy
 from thumper.navigation.recovery.behaviors import DEFAULT_BEHAVIOURS, Behaviour, RecoveryOptions
 from thumper.navigation.recovery.reachability import Reachability
 from thumper.navigation.state import Transition
@@ -307,3 +308,25 @@ def test_goal_too_near_a_wall_for_the_outline_is_aborted_early() -> None:
     assert "no room for the robot at the goal" in run.outputs[-1].reason
     assert run.time_s < 20.0  # 11 s; with all recoveries 75 s
     assert run.clearance_m > 0.0
+
+
+def test_room_at_the_goal_is_checked_once_per_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot that stands asks in every cycle."""
+    cells = np.zeros((160, 160), np.int8)
+    cells[:40] = 100
+    grid = OccupancyGrid(cells=cells, resolution_m=0.025, origin_x_m=-2.0, origin_y_m=-2.0)
+    goal = Goal(x_m=0.0, y_m=-0.95, theta_rad=-0.5 * math.pi)
+    navigator = Navigator(NavigationOptions(), Footprint())
+    navigator.set_goal(goal)
+    checks: list[Goal] = []
+
+    def counted(costmap: Costmap, footprint: Footprint, goal: Goal) -> bool:
+        checks.append(goal)
+        return footprint_fits(costmap, footprint, goal)
+
+    monkeypatch.setattr(recovery_policy, "footprint_fits", counted)
+    pose = Pose2(y_m=-0.7, theta_rad=-0.5 * math.pi)
+    for cycle in range(60):
+        if navigator.update(0.1 * cycle, pose, Twist2(), grid, NO_HITS).state is NavigationState.FAILED:
+            break
+    assert len(checks) == 2  # for the verdict and for its text
