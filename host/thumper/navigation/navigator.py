@@ -309,6 +309,7 @@ class Navigator:
             return self._output(filtered.command, request)
         if filtered.yielding:
             self._reason = filtered.reason
+            self._parts.follower.goal_manoeuvre.on_yielding()
         elif self._state is not NavigationState.RECOVERING:
             self._state = NavigationState.ROTATING if result.rotating else NavigationState.NAVIGATING
             manoeuvre, self._reason = self._parts.follower.goal_manoeuvre, self._parts.path.reason

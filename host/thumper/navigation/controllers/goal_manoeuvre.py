@@ -44,6 +44,10 @@ class GoalManoeuvre:
         self._follower.stop()
         self._stopping = self._wanted = False
 
+    def on_yielding(self) -> None:
+        """The robot waits for somebody who moves: its command was not refused."""
+        self._wanted = False
+
     @property
     def active(self) -> bool:
         """Whether the robot is on the way to the pose."""
@@ -75,6 +79,7 @@ class GoalManoeuvre:
     def _begin(self, request: ControlRequest, goal: Goal) -> ControlResult | None:
         """Choose the poses, and begin to plan the way."""
         self._stopping, self._blocked, self.place = False, 0, ""
+        self._wanted = False
         self._attempts += 1
         self._failed_m, self._cycles = goal.distance_m(request.map_from_base), 0
         costmap = request.fine_costmap() if request.fine_costmap else request.costmap

@@ -181,7 +181,7 @@ class PoseSequenceFollower:
         if self._whole and not tight:
             self._fastest_m_s = max(self._fastest_m_s, request.v_limit_m_s)
             self._fastest_rad_s = self._limits.w_max_rad_s
-        elif self._whole and self._is_roomy_ahead(request):
+        elif self._whole and self._is_roomy(request):
             self._fastest_m_s = max(self._fastest_m_s, min(ROOMY_M_S, request.v_limit_m_s))
         wanted = None if passed else self._wanted(request)
         if wanted is None:
@@ -208,10 +208,10 @@ class PoseSequenceFollower:
         room_m = math.sqrt(float(costmap.squared_cells[rows[0], cols[0]])) * costmap.resolution_m
         return room_m >= self._footprint.circumscribed_radius_m + ROOM_M
 
-    def _is_roomy_ahead(self, request: ControlRequest) -> bool:
-        """Return whether the robot can drive straight ahead with room to spare on both sides."""
+    def _is_roomy(self, request: ControlRequest) -> bool:
+        """Return whether the robot can drive straight on, or back, with room to spare on both sides."""
         base = request.map_from_base
-        poses = straight_poses(base, ROOMY_AHEAD_M)
+        poses = straight_poses(base, math.copysign(ROOMY_AHEAD_M, request.last_command.v_m_s))
         return poses_are_free(
             request.costmap, self._footprint.grown(ROOM_M), poses, base, unknown_blocks=False
         )
@@ -223,7 +223,8 @@ class PoseSequenceFollower:
             segment = PoseStep.between(self._poses[self._index], self._poses[self._index + 1])
             if segment.length_m < SAME_PLACE_M:
                 target_rad = float(self._poses[self._index + 1, 2])
-                wanted = self._turn(base.theta_rad, target_rad, segment.turn_rad)
+                further_rad = self._same_turn_rad(segment.turn_rad)
+                wanted = self._turn(base.theta_rad, target_rad, segment.turn_rad, further_rad)
             else:
                 offset_m = np.array((base.x_m, base.y_m)) - segment.start[:2]
                 along_m = float(offset_m @ segment.step_m) / segment.length_m
@@ -236,12 +237,14 @@ class PoseSequenceFollower:
             self._index += 1
         return None
 
-    def _turn(self, theta_rad: float, target_rad: float, turn_rad: float) -> Twist2 | None:
-        """Return the twist of a rotation in place; None at its end."""
+    def _turn(
+        self, theta_rad: float, target_rad: float, turn_rad: float, further_rad: float = 0.0
+    ) -> Twist2 | None:
+        """Return the twist of a rotation in place; None at its end. `further_rad`: it goes on afterwards."""
         left_rad = wrap_angle(target_rad - theta_rad) * math.copysign(1.0, turn_rad)
         if left_rad < AT_POSE_RAD:
             return None
-        left_rad += self._same_turn_rad(turn_rad)
+        left_rad += further_rad
         speed = stoppable_speed(left_rad, self._limits.w_accel_rad_s2, self._limits.latency_s)
         speed = min(speed, self._fastest_rad_s, self._limits.w_max_rad_s)
         return Twist2(w_rad_s=math.copysign(max(SLOWEST_TURN_RAD_S, speed), turn_rad))
@@ -273,10 +276,10 @@ class PoseSequenceFollower:
         forward = segment.step_m @ np.array((math.cos(heading_rad), math.sin(heading_rad))) > 0.0
         room_m, bend_m = self._ahead_m(segment, left_m, forward)
         speed = stoppable_speed(room_m, self._limits.v_accel_m_s2, self._limits.latency_s)
-        in_bend_m_s = self._options.v_m_s + stoppable_speed(
-            bend_m, self._limits.v_accel_m_s2, self._limits.latency_s
-        )
-        fastest_m_s = min(self._fastest_m_s, in_bend_m_s)
+        # To brake to the speed in the bend takes the distance to a stop, less the one from there to a stop.
+        in_bend_m_s, accel, latency_s = self._options.v_m_s, self._limits.v_accel_m_s2, self._limits.latency_s
+        bend_m += in_bend_m_s * latency_s + 0.5 * in_bend_m_s * in_bend_m_s / accel
+        fastest_m_s = min(self._fastest_m_s, stoppable_speed(bend_m, accel, latency_s))
         v_m_s = math.copysign(min(fastest_m_s, max(SLOWEST_M_S, speed)), 1.0 if forward else -1.0)
         feed_forward = abs(v_m_s) * segment.turn_rad / segment.length_m
         w_rad_s = feed_forward - HEADING_GAIN * abs(v_m_s) * error_rad - SIDE_GAIN * v_m_s * side_m
