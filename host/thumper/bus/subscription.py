@@ -40,11 +40,12 @@ class Subscription:
 
     def on_robot_lost(self) -> None:
         """Fetch again when the robot returns."""
-        self._has_received = False
+        with self._lock:
+            self._has_received, self._fetched = False, b""
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         with self._lock:
             self._has_received = True
             raw, fetched, self._fetched = sample.payload.to_bytes(), self._fetched, b""
-            if raw != fetched:  # else sent while it was fetched: it has come both ways
+            if raw != fetched:  # else sent while it was fetched: it arrived as answer and as message
                 self._receive(raw)

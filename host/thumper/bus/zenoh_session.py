@@ -146,7 +146,8 @@ def _close_at_exit() -> None:
     threading.main_thread().join()
     with _lock:
         for session in _sessions:
-            session.close()  # type: ignore[no-untyped-call]
+            with suppress(zenoh.ZError):  # the others must be closed, too
+                session.close()  # type: ignore[no-untyped-call]
 
 
 def _client_settings(address: str, keys: BusKeys | None, *, verify_name: bool) -> dict[str, Any]:

@@ -232,6 +232,7 @@ NOT_OF_THE_FIRMWARE = frozenset(
         "the program gets a quarter or a twentieth of a core",
         "the computer's clock jumps by a day",
         "a part of the program fails",
+        "a turn shifts the base sideways: the centre of rotation wanders",
         "an error in a user's script",
         "firmware of another protocol version",
         "tests on a real board with wheels on the ground",
