@@ -80,5 +80,5 @@ def test_frozen_page_stops_the_robot(robot_address: str, tmp_path: Path, chromiu
     finally:
         server.close()
     assert before.mode == "driving"
-    assert after.reason == "the browser page that sent the goal is gone; send it again"
+    assert after.reason == "the dashboard that sent the goal is gone; send it again"
     assert 1e-9 * (stamp_ns_of(after) - stamp_ns_of(before)) <= STOP_S + BEAT_S

@@ -114,7 +114,7 @@ def test_a_disconnected_page_stops_its_experiment(robot: RobotLoop) -> None:
     robot.request_queue.put(Heartbeat(source="page"))
     ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2}, source="page")
     robot.cycle()
-    assert ask(robot, "experiment/state", {})["problem"] == "the browser page that started it is gone"
+    assert ask(robot, "experiment/state", {})["problem"] == "the dashboard that started it is gone"
     assert state_after(robot) is State.DISARMED
 
 

@@ -18,6 +18,7 @@ from tests.allocated import kept_bytes
 from thumper.bus import status_watchdog
 from thumper.bus.client import BusClient
 from thumper.bus.server import MAX_QUEUED, BusServer
+from thumper.bus.subscription import Subscription
 from thumper.cli import status
 from thumper.cli.status import watch
 from thumper.common.errors import ThumperError
@@ -371,6 +372,37 @@ def test_message_that_is_fetched_and_sent_comes_once(robot: Robot) -> None:
             robot.server.publish("session", 0.0, text(name))
         until(lambda: len(runs) > 2)
         assert runs == ["run 1", "run 2", "run 1"]
+
+
+def test_equal_message_of_a_restarted_robot_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy computer its answer is late: the message arrives by subscription first."""
+    address = f"127.0.0.1:{free_port()}"
+    fetch = Subscription.fetch
+    losses: list[bool] = []
+    maps: list[str] = []
+    server = BusServer("r1", BusOptions(address=address), RequestQueue(), print)
+    server.publish("annotations", 0.0, text("zones"))
+    until(lambda: server.statistics.sent == 1)
+    with BusClient("r1", address) as client:
+        client.on_lost(lambda: losses.append(True))
+        client.subscribe("annotations", lambda message: maps.append(message.data))
+        until(lambda: maps)
+        returned = threading.Event()
+
+        def fetch_late(self: Subscription, session: Any) -> None:
+            returned.set()
+            until(lambda: len(maps) > 1, timeout_s=5.0)
+            fetch(self, session)
+
+        monkeypatch.setattr(Subscription, "fetch", fetch_late)
+        server.close()
+        until(lambda: losses)
+        server = BusServer("r1", BusOptions(address=address), RequestQueue(), print)
+        until(returned.is_set)
+        server.publish("annotations", 0.0, text("zones"))
+        until(lambda: len(maps) > 1, timeout_s=5.0)
+    assert maps == ["zones", "zones"]
+    server.close()
 
 
 def test_late_answer_never_follows_newer_messages(monkeypatch: pytest.MonkeyPatch) -> None:

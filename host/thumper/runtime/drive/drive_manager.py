@@ -213,7 +213,7 @@ class DriveManager:
             self._hold(RELEASED)
         elif self.mode is DriveMode.DRIVING:
             if self.heartbeats.is_lost(self.source, now_s):
-                self.disarm("the browser page that sent the goal is gone; send it again")
+                self.disarm("the dashboard that sent the goal is gone; send it again")
                 return None
             return self._navigate(state, grid)
         elif self.mode is DriveMode.STOPPING:

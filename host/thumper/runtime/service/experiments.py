@@ -172,7 +172,7 @@ class Experiments:
             self.requested, self._problem = "", reason
 
     def state(self) -> ExperimentState:
-        """Return what a browser page shows of it."""
+        """Return what the dashboard shows of it."""
         done, total, what = self._progress
         return ExperimentState(
             running=self.running or self.requested,
@@ -198,7 +198,7 @@ class Experiments:
             telemetry = loop.inputs.telemetry
             armed = telemetry is not None and telemetry.state is not State.DISARMED
             if armed and self._heartbeats.is_lost(self.source, time.monotonic()):
-                self.stop("the browser page that started it is gone")
+                self.stop("the dashboard that started it is gone")
             if self._stop_reason:
                 raise ThumperError(self._stop_reason)
 

@@ -100,7 +100,7 @@ class LoopSearch:
         if best is not None and best.misses:
             found = [closure.new for closure in best.closures]
             for left_out in (max(found) + RECENT_SUBMAPS, min(found) - RECENT_SUBMAPS):
-                if left_out < newest and left_out not in self._searched:
+                if RECENT_SUBMAPS <= left_out < newest and left_out not in self._searched:
                     return left_out
         return newest
 

@@ -13,6 +13,7 @@ AGREE_M, AGREE_RAD = 0.3, 0.05  # two closures of one loop agree this closely ..
 AGREE_PER_M, AGREE_RAD_PER_M = 0.02, 0.003  # ... and less, as the map drifts between their submaps
 LEAD = 0.3  # sum of the leads of closures that agree
 CLEAR_LEAD = 0.05  # a closure with less counts, but along a corridor it may be off: it gets no edge
+MIN_CLEAR = 2  # one closure proves little
 MAX_MISSES = 3  # searches without a closure that agrees, after which a place is dropped
 
 
@@ -91,5 +92,8 @@ class LoopHypotheses:
         others = max((each.lead for each in self.all if each is not supported), default=0.0)
         if supported.lead < LEAD + others:
             return []
+        clear = [each for each in supported.closures if each.lead >= CLEAR_LEAD]
+        if len(clear) < MIN_CLEAR:
+            return []
         self.all = []
-        return [each for each in supported.closures if each.lead >= CLEAR_LEAD]
+        return clear

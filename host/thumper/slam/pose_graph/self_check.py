@@ -29,7 +29,8 @@ class Contradiction(NamedTuple):
         """One line for the user."""
         return (
             f"the map contradicts itself along {self.length_m:.0f} m of the drive, first at "
-            f"({self.x_m:.1f}, {self.y_m:.1f}): a place may be drawn twice, because a loop was not found"
+            f"({self.x_m:.1f}, {self.y_m:.1f}): a place may be drawn twice, because a loop was not found "
+            "(or these are both sides of a thick wall)"
         )
 
 
@@ -46,7 +47,10 @@ def find_contradiction(submaps: SubmapGraph) -> Contradiction | None:
 
 
 def _is_torn(submaps: SubmapGraph, new: int) -> bool:
-    """Return whether the walls of a submap are not those of the nearest one of an earlier visit."""
+    """Return whether the walls of a submap are not those of the nearest one of an earlier visit.
+
+    Where nothing can be compared (NaN), nothing is torn.
+    """
     nearest = earlier_visit(submaps, new)
     return nearest is not None and submaps.agreement(nearest, new) < MIN_AGREEMENT
 

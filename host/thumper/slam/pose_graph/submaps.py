@@ -187,7 +187,10 @@ class SubmapGraph:
             self.connect(nearest, submap, self.pose(nearest).inverse() @ here, loop=True)
 
     def agreement(self, old: int, new: int) -> float:
-        """Return which share of the new submap's walls lies on those seen from around the old one."""
+        """Return which share of the new submap's walls lies on those seen from around the old one.
+
+        NaN if they show nothing alike, as after most scans of an old visit were dropped.
+        """
         last = min(old + OVERLAP_SUBMAPS, new - OVERLAP_SUBMAPS)
         new_m = self.hits_m(new - OVERLAP_SUBMAPS // 2, new, NEW_HITS)
         return agreement(new_m, self.hits_m(old - OVERLAP_SUBMAPS, last, OLD_HITS))
@@ -285,12 +288,12 @@ class SubmapGraph:
 
 
 def agreement(new_m: FloatArray, old_m: FloatArray) -> float:
-    """Return which share of the new hits, shape (n, 2), lies on old walls, shape (m, 2).
+    """Return which share of the new hits, shape (n, 2), lies on old walls, shape (m, 2); NaN if none is near.
 
     Only hits near an old one count: the others show what was not seen before.
     """
     near = int(_is_near(new_m, old_m, COMPARED_M).sum())
-    return float(_is_near(new_m, old_m, SAME_WALL_M).sum()) / near if near else 0.0
+    return float(_is_near(new_m, old_m, SAME_WALL_M).sum()) / near if near else math.nan
 
 
 def _is_near(points_m: FloatArray, others_m: FloatArray, size_m: float) -> NDArray[np.bool_]:

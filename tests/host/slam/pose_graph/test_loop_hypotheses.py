@@ -37,6 +37,12 @@ def test_the_other_place_counts_against_the_one_that_leads() -> None:
     assert accepted(list(results)) == []
 
 
+def test_one_clear_closure_is_not_enough() -> None:
+    assert accepted([closure(0, 0.35, 5.0), closure(1, 0.0, 5.0)]) == []
+    clear = [closure(0, 0.35, 5.0), closure(2, 0.1, 5.0)]
+    assert accepted([clear[0], closure(1, 0.0, 5.0), clear[1]]) == clear  # the place is kept until then
+
+
 def test_a_place_without_support_is_dropped() -> None:
     results = [closure(0, 0.25, 5.0), None, None, None, closure(4, 0.1, 5.0)]
     assert accepted(list(results)) == []
