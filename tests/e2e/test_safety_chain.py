@@ -177,7 +177,7 @@ def test_page_gone(chain: Chain, page: subprocess.Popen[str], by: signal.Signals
     cut_s = time.monotonic()
     page.send_signal(by)
     assert chain.off_after_s(cut_s) <= PAGE_LIMIT_S
-    assert "page" in chain.reason()
+    assert "dashboard" in chain.reason()
     page.send_signal(signal.SIGCONT)
     time.sleep(STAYS_S)
     assert not chain.driven  # heartbeats alone do not restart the drive

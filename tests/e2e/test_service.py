@@ -76,7 +76,7 @@ def test_lost_heartbeats_cancel_the_goal(service: Service) -> None:
     service.waited_s += MANUAL_TIMEOUT_S
     service.run_cycles(2)
     assert service.telemetry.state is State.DISARMED
-    assert "page" in service.ask("mission/state")["reason"]
+    assert "dashboard" in service.ask("mission/state")["reason"]
     service.put(Heartbeat(source="page"))
     assert service.mode == "idle"
 

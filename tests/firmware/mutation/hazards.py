@@ -216,7 +216,7 @@ NOT_OF_THE_FIRMWARE = frozenset(
         "silence: a dark leg returns no echo",
         "lost echoes look like people who come and go",
         "wheels slip: odometry is wrong",
-        "a goal in a wall",
+        "a goal in a wall that the map shows",
         "`thumper stop` while a program repeats its velocity command",
         "its frame is lost on a bad line",
         "it is sent in a flood of other commands",

@@ -368,6 +368,8 @@ def test_message_that_is_fetched_and_sent_comes_once(robot: Robot) -> None:
     with BusClient("r1", robot.address) as client:
         client.subscribe("session", lambda message: runs.append(message.data))
         until(lambda: runs)
+        publisher = robot.server._publishers["session"]
+        until(lambda: publisher.matching_status.matching)  # type: ignore[attr-defined]  # the stub says bool
         for name in ("run 1", "run 2", "run 1"):
             robot.server.publish("session", 0.0, text(name))
         until(lambda: len(runs) > 2)
