@@ -72,7 +72,7 @@ def open_router(robot: str, options: BusOptions) -> zenoh.Session:
         if path:
             settings["transport/auth/usrpwd/dictionary_file"] = path
         try:
-            return open_session(_config(settings, options.token))
+            return _open_session(_config(settings, options.token))
         except zenoh.ZError as error:
             raise ThumperError(f"the bus cannot listen at {address}: {_first_line(error)}") from error
 
@@ -88,7 +88,7 @@ def open_client(address: str, token: str, tls: str = "") -> zenoh.Session:
     try:
         # The authority signs this robot's certificate only, so the name adds nothing; addresses change.
         settings = _client_settings(address, keys_for("client", address, tls), verify_name=False)
-        return open_session(_config(settings, token))
+        return _open_session(_config(settings, token))
     except OSError as error:
         raise ThumperError(
             f"no robot is running at {address} ({error.strerror or error}); start one with `thumper run`",
@@ -114,7 +114,7 @@ def open_ros_client(router: str, token: str, tls: str = "") -> zenoh.Session:
         settings = _client_settings(router, keys_for("client", router, tls), verify_name=True)
         settings["timestamping/enabled"] = True  # the cache of latched topics needs it
         settings["transport/link/rx/max_message_size"] = MAX_REQUEST_BYTES
-        return open_session(_config(settings, token))
+        return _open_session(_config(settings, token))
     except OSError as error:
         raise ThumperError(
             f"no ROS 2 router at {router} ({error.strerror or error}); start it with "
@@ -129,7 +129,7 @@ def open_ros_client(router: str, token: str, tls: str = "") -> zenoh.Session:
         ) from error
 
 
-def open_session(config: zenoh.Config) -> zenoh.Session:
+def _open_session(config: zenoh.Config) -> zenoh.Session:
     """Open a session that is closed when the main thread ends, if nobody has closed it before.
 
     Without this a program that fails never ends: Python waits for Zenoh's threads before it closes anything.

@@ -323,13 +323,18 @@ def test_client_waits_for_the_robot_and_follows_its_restart() -> None:
         client.close()
 
 
+def server_with_message(address: str, topic: str, data: str) -> BusServer:
+    server = BusServer("r1", BusOptions(address=address), RequestQueue(), print)
+    server.publish(topic, 0.0, text(data))
+    until(lambda: server.statistics.sent == 1)
+    return server
+
+
 def test_client_fetches_latched_messages_of_a_restarted_robot() -> None:
     address = f"127.0.0.1:{free_port()}"
     losses: list[bool] = []
     runs: list[str] = []
-    server = BusServer("r1", BusOptions(address=address), RequestQueue(), print)
-    server.publish("session", 0.0, text("run 1"))
-    until(lambda: server.statistics.sent == 1)
+    server = server_with_message(address, "session", "run 1")
     with BusClient("r1", address) as client:
         client.on_lost(lambda: losses.append(True))
         client.subscribe("session", lambda message: runs.append(message.data))
@@ -382,9 +387,7 @@ def test_equal_message_of_a_restarted_robot_comes(monkeypatch: pytest.MonkeyPatc
     fetch = Subscription.fetch
     losses: list[bool] = []
     maps: list[str] = []
-    server = BusServer("r1", BusOptions(address=address), RequestQueue(), print)
-    server.publish("annotations", 0.0, text("zones"))
-    until(lambda: server.statistics.sent == 1)
+    server = server_with_message(address, "annotations", "zones")
     with BusClient("r1", address) as client:
         client.on_lost(lambda: losses.append(True))
         client.subscribe("annotations", lambda message: maps.append(message.data))
