@@ -95,7 +95,7 @@ def test_a_failed_command_becomes_the_outcome_and_the_step_stays(
     assert guide.step is Step.FLASH
     assert guide.busy is None
     assert guide.outcomes[Step.FLASH].verdict == "fail"
-    assert guide.outcomes[Step.FLASH].text.startswith("/dev/ttyUSB0: no such port")
+    assert guide.outcomes[Step.FLASH].text.startswith("cannot open the board port /dev/ttyUSB0: there is no")
 
 
 LEFT = "pass  left motor forward: left encoder +204, right encoder +0 counts"

@@ -51,6 +51,18 @@ def cycle_at(time_s: float, clock_Hz: float = CPU_HZ) -> int:
     return cycle if cycle / clock_Hz >= time_s else cycle + 1  # the product above may round down
 
 
+def load_world_for(options: BenchOptions) -> World:
+    """Return the world; raise ThumperError if it is unknown or the start pose is not free."""
+    world = load_world(options.world)
+    if reason := invalid_start_reason(world, options.start, FOOTPRINT_M):
+        raise ThumperError(
+            f"a robot at x_m={options.x_m:g}, y_m={options.y_m:g}, yaw_deg={options.yaw_deg:g} {reason} "
+            f"of {options.world}; choose a free start",
+            exit_code=EXIT_USAGE,
+        )
+    return world
+
+
 def _bootloader() -> Path:
     if not ATMEGABOOT.exists():
         raise ThumperError(
@@ -70,13 +82,7 @@ class Bench:
     """
 
     def __init__(self, options: BenchOptions, *, elf: Path | None = None) -> None:
-        self._scene = Scene(load_world(options.world))
-        if reason := invalid_start_reason(self.world, options.start, FOOTPRINT_M):
-            raise ThumperError(
-                f"a robot at x_m={options.x_m:g}, y_m={options.y_m:g}, yaw_deg={options.yaw_deg:g} {reason} "
-                f"of {options.world}; choose a free start",
-                exit_code=EXIT_USAGE,
-            )
+        self._scene = Scene(load_world_for(options))
         preset = load_preset(options.preset)
         self.host = HostTime(preset.host, options.seed)
         self._pitch = Pitch(preset.body, options.seed)

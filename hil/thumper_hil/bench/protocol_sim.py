@@ -13,7 +13,8 @@ from urllib.parse import parse_qsl, urlsplit
 from serial.serialutil import PortNotOpenError, SerialBase, SerialException
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper_hil.bench.bench import Bench
+from thumper_hil.bench.bench import Bench, load_world_for
+from thumper_hil.bench.options import BenchOptions
 from thumper_hil.bench.page_controls import PageControls
 from thumper_hil.bench.registry import close_device, open_device
 from thumper_hil.faults.switches import DEVICES
@@ -51,6 +52,13 @@ class Serial(SerialBase):
         self._reconfigure_port()
         self._dtr_was = False
         self._update_dtr_state()
+
+    def check_url(self) -> None:
+        """Raise SerialException, as `open` would, if the URL, an option, the world or the start is wrong."""
+        try:
+            load_world_for(BenchOptions.parse(_parse(self.portstr or "")[2]))
+        except ThumperError as error:
+            raise SerialException(str(error)) from error
 
     def close(self) -> None:
         """Close the device. Simulated time stops unless another port advances it."""

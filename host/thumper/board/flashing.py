@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_NOT_THERE, EXIT_USAGE, ThumperError
+from thumper.common.serial_port import no_such_port
 
 FIRMWARE = Path(__file__).resolve().parents[3] / "firmware"
 UPLOAD_BAUD = {"old": 57_600, "new": 115_200}
@@ -50,10 +51,7 @@ def flash_board(job: FlashJob, *, tool: str) -> None:
         build = "make firmware" if job.board == "trex" else f"make -C firmware BOARD={job.board}"
         raise ThumperError(f"{job.hex_file}: no firmware file; run `{build}`", exit_code=EXIT_CHECK_FAILED)
     if not Path(job.port).exists():
-        raise ThumperError(
-            f"{job.port}: no such port; is it plugged in? `thumper doctor` lists the ports that exist",
-            exit_code=EXIT_NOT_THERE,
-        )
+        raise no_such_port(job.port, "board")
     if tool == "pio":
         environment = job.board + ("" if job.bootloader == "old" else "_new")
         command = [executable, "run", "-d", str(FIRMWARE), "-e", environment, "-t", "upload"]

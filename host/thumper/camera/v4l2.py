@@ -14,6 +14,7 @@ from thumper.camera.options import CameraOptions
 from thumper.common.closable import Closable
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.sensor import SensorCounters
+from thumper.common.serial_port import no_such_port
 
 if TYPE_CHECKING:
     import cv2
@@ -35,17 +36,13 @@ def open_v4l2(options: CameraOptions) -> "cv2.VideoCapture":
     import cv2
 
     if not Path(options.port).exists():
-        raise ThumperError(
-            f"cannot open the camera {options.port}: there is no such device; is it plugged in? "
-            "`ls /dev/video*` lists the cameras, and sim://robot/camera is a simulated one",
-            exit_code=EXIT_NOT_THERE,
-        )
+        raise no_such_port(options.port, "camera")
     # Or it writes a line of its own before the error.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     capture = cv2.VideoCapture(options.port, cv2.CAP_V4L2)
     if not capture.isOpened():
         raise ThumperError(
-            f"cannot open the camera {options.port}: it is busy, no camera, or access is denied; "
+            f"cannot open the camera port {options.port}: it is busy, no camera, or access is denied; "
             "close other programs, and add yourself to its group: sudo usermod -aG video $USER",
             exit_code=EXIT_NOT_THERE,
         )

@@ -28,10 +28,16 @@ def recover(
     ]
     if not paths:
         print("nothing to repair")
-    if not repair_all(paths, print):
+    failures = repair_all(paths, print)
+    if len(failures) > 1:
+        for failure in failures:
+            print(failure)
         raise ThumperError(
-            "not every file could be repaired; those named above are unchanged", exit_code=EXIT_USAGE
+            f"{len(failures)} of {len(paths)} files could not be repaired; they are unchanged",
+            exit_code=EXIT_USAGE,
         )
+    if failures:
+        raise failures[0]
 
 
 def export(

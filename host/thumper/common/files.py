@@ -18,6 +18,11 @@ LONG_LINE = re.compile(rb"[^\r\n]{%d}" % (MAX_LINE_BYTES + 1))
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
+def unreadable(path: Path, error: OSError) -> ThumperError:
+    """Return the error for a file that a user named and that cannot be read."""
+    return ThumperError(f"{path}: cannot be read ({error.strerror}); check the path", exit_code=EXIT_USAGE)
+
+
 @contextmanager
 def open_regular(path: Path) -> Iterator[IO[bytes]]:
     """Open a regular file to read.

@@ -48,6 +48,15 @@ class HasClock(Protocol):
         ...
 
 
+@runtime_checkable
+class ChecksUrl(Protocol):
+    """A port that knows whether its URL is right before it is opened."""
+
+    def check_url(self) -> None:
+        """Raise SerialException if the URL is wrong."""
+        ...
+
+
 class PortError(ThumperError):
     """A port failed while it was open, or was used after it was closed."""
 
@@ -149,16 +158,34 @@ def open_port(url: str, *, baud: int, name: str) -> SerialPort:
         raise _open_error(url, name, error) from error
 
 
-def check_port_exists(url: str, name: str) -> None:
-    """Refuse a device that is not there, before anything that takes long.
+def check_port(url: str, name: str) -> None:
+    """Refuse a device that is not there or a wrong URL, before anything that takes long.
 
     Raises
     ------
     ThumperError
         There is no such port.
     """
-    if "://" not in url and not Path(url).exists():
-        raise _open_error(url, name, FileNotFoundError())
+    if "://" not in url:
+        if not Path(url).exists():
+            raise _open_error(url, name, FileNotFoundError())
+        return
+    _register_plugins()
+    try:
+        port = serial.serial_for_url(url, do_not_open=True)
+        if isinstance(port, ChecksUrl):
+            port.check_url()
+    except _OPEN_FAILURES as error:
+        raise _open_error(url, name, error) from error
+
+
+def no_such_port(url: str, name: str) -> ThumperError:
+    """Return the error for a device that is not there."""
+    where = "`ls /dev/video*` lists the cameras" if name == "camera" else "`thumper doctor` lists the ports"
+    return ThumperError(
+        f"cannot open the {name} port {url}: there is no such port; is it plugged in? {where}",
+        exit_code=EXIT_NOT_THERE,
+    )
 
 
 def _register_plugins() -> None:
@@ -168,9 +195,10 @@ def _register_plugins() -> None:
 
 
 def _open_error(url: str, name: str, error: Exception) -> ThumperError:
-    return ThumperError(
-        f"cannot open the {name} port {url}: {_explain(error, name)}", exit_code=_exit_code(error)
-    )
+    if isinstance(error, FileNotFoundError) or "No such file" in str(error):
+        simulated = ", and sim:// simulates a robot" if name == "board" else ""
+        return ThumperError(f"{no_such_port(url, name)}{simulated}", exit_code=EXIT_NOT_THERE)
+    return ThumperError(f"cannot open the {name} port {url}: {_explain(error)}", exit_code=_exit_code(error))
 
 
 def _exit_code(error: Exception) -> int:
@@ -180,15 +208,9 @@ def _exit_code(error: Exception) -> int:
     return EXIT_USAGE if "unknown protocol" in str(error) or "invalid URL" in str(error) else EXIT_NOT_THERE
 
 
-def _explain(error: Exception, name: str) -> str:
+def _explain(error: Exception) -> str:
     """Return the cause of a failed open and how to fix it."""
     text = str(error)
-    if isinstance(error, FileNotFoundError) or "No such file" in text:
-        url = "sim://" if name == "board" else f"sim://robot/{name}"
-        return (
-            "there is no such port; is it plugged in? `ls /dev/ttyUSB* /dev/ttyACM*` lists the ports, "
-            f"and {url} is a simulated one"
-        )
     if isinstance(error, PermissionError) or "Permission denied" in text:
         return (
             "permission denied; add yourself to its group: sudo usermod -aG dialout $USER, then log in again"
@@ -196,7 +218,7 @@ def _explain(error: Exception, name: str) -> str:
     if "exclusively lock" in text or "busy" in text:
         return "another program has it open; close that program first"
     if any(words in text for words in ("Inappropriate ioctl", "not a tty", "Is a directory")):
-        return "it is not a serial port; `ls /dev/ttyUSB* /dev/ttyACM*` lists the ports"
+        return "it is not a serial port; `thumper doctor` lists the ports"
     if "unknown protocol" in text or "invalid URL" in text:
         return "no such kind of port; use a device such as /dev/ttyUSB0 or a URL such as sim://robot/board"
     return " ".join(text.split())

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.common.files import read_bytes, write_text, write_whole
+from thumper.common.files import read_bytes, unreadable, write_text, write_whole
 from thumper.gps.earth_reference import MapDatum
 from thumper.gps.local_plane import LatLon
 from thumper.maps.edit import rotate
@@ -286,6 +286,4 @@ def _read(path: Path, limit_MB: float) -> bytes:
     try:
         return read_bytes(path, limit_MB)
     except OSError as error:
-        raise ThumperError(
-            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=EXIT_USAGE
-        ) from error
+        raise unreadable(path, error) from error

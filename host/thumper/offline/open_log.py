@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import TextIO
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.common.files import open_regular
+from thumper.common.files import open_regular, unreadable
 from thumper.common.texts import is_number
 from thumper.offline import carmen, mines_paristech
 from thumper.offline.robot_log import RobotLog, TextLogFormat, refuse_fov
@@ -61,7 +61,7 @@ def open_log(path: Path, fov_rad: float | None = None) -> RobotLog:
             return _read_mcap(path, packed=start != MCAP_MAGIC)
         return _read_text(path, fov_rad, packed=start.startswith(GZIP_MAGIC))
     except FileNotFoundError as error:
-        raise ThumperError(f"{path}: no such file; check the path", exit_code=EXIT_USAGE) from error
+        raise unreadable(path, error) from error
     except IsADirectoryError as error:
         raise ThumperError(f"{path}: is a directory; pass a log file", exit_code=EXIT_USAGE) from error
     except OSError as error:

@@ -7,7 +7,7 @@ from pathlib import Path
 from mcap.records import Channel, Message, Metadata, Schema
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.common.files import open_regular
+from thumper.common.files import open_regular, unreadable
 from thumper.recording.disk_budget import MAGIC
 from thumper.recording.mcap_file import PART
 from thumper.recording.repair import records_until_error
@@ -135,9 +135,7 @@ def _check(path: Path) -> None:
     try:
         good = is_mcap(path)
     except OSError as error:
-        raise ThumperError(
-            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=EXIT_USAGE
-        ) from error
+        raise unreadable(path, error) from error
     if not good:
         raise ThumperError(f"{path}: not an MCAP file; is it the right one?", exit_code=EXIT_USAGE)
 

@@ -26,7 +26,7 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.common.files import open_regular, sync_folder
+from thumper.common.files import open_regular, sync_folder, unreadable
 from thumper.recording.chunks import ChunkReader
 from thumper.recording.mcap_file import CHUNK_BYTES, LIBRARY, PART
 
@@ -94,9 +94,9 @@ def repair(path: Path) -> RepairResult | None:
     return RepairResult(path=target, messages=messages, note=note)
 
 
-def repair_all(paths: Iterable[Path], report: Callable[[str], None]) -> bool:
-    """Repair the files and `report` each; return whether all are complete now. Never raises."""
-    all_complete = True
+def repair_all(paths: Iterable[Path], report: Callable[[str], None]) -> list[ThumperError]:
+    """Repair the files, `report` each that is complete now, and return why others are not."""
+    failures = []
     for path in paths:
         try:
             if path.stat().st_size == 0 and path.name.endswith(PART):  # the crash preceded the first byte
@@ -107,12 +107,10 @@ def repair_all(paths: Iterable[Path], report: Callable[[str], None]) -> bool:
             else:
                 report(f"{path}: complete already")
         except ThumperError as error:
-            report(str(error))
-            all_complete = False
+            failures.append(error)
         except OSError as error:
-            report(f"{path}: cannot be read ({error.strerror}); check the path")
-            all_complete = False
-    return all_complete
+            failures.append(unreadable(path, error))
+    return failures
 
 
 def repair_in_subprocess(folder: Path) -> None:

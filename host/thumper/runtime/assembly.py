@@ -17,7 +17,7 @@ from thumper.camera.tag_tracker import TagTracker
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.sensor import ReopenedSensor
-from thumper.common.serial_port import check_port_exists
+from thumper.common.serial_port import check_port
 from thumper.common.signals import raise_lost_interrupt, record_interrupts
 from thumper.common.stamps import epoch_ns_at
 from thumper.config.robot import DriveOptions, RobotConfig, shared_port
@@ -92,7 +92,7 @@ def open_robot(
     """
     if shared := shared_port(config):
         raise ThumperError(shared, exit_code=EXIT_USAGE)
-    check_port_exists(config.board.port, "board")
+    _check_ports(config)
     with record_interrupts(), raise_lost_interrupt():
         warm_up(config)  # compiling takes seconds, which must not pass while wheels turn
     with _report_motors_off(), ExitStack() as stack:
@@ -140,6 +140,13 @@ def open_robot(
             robot.inputs.board.close()  # the present ones: the first may have been replaced
             for sensor in robot.inputs.sensors:
                 sensor.close()
+
+
+def _check_ports(config: RobotConfig) -> None:
+    """Refuse a wrong port before the kernels are compiled, which may take minutes."""
+    sensors = [kind.name for kind in KINDS if kind.is_wanted(config)]
+    for name in ("board", "lidar", *sensors):
+        check_port(getattr(config, name).port, name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

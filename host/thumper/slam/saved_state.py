@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.common.files import read_bytes, write_whole
+from thumper.common.files import read_bytes, unreadable, write_whole
 from thumper.common.geometry import Pose2
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import MAX_CELLS
@@ -75,9 +75,7 @@ def load_session(path: Path, resolution_m: float) -> SavedSlamState:
     try:
         first, _, payload = read_bytes(path, MAX_MB).partition(b"\n")
     except OSError as error:
-        raise ThumperError(
-            f"{path}: cannot be read ({error.strerror}); check the path", exit_code=EXIT_USAGE
-        ) from error
+        raise unreadable(path, error) from error
     try:
         session = _parse(path, json.loads(first), payload)
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError, zlib.error) as error:

@@ -184,7 +184,7 @@ def test_a_camera_of_another_size_is_refused() -> None:
 
 def test_an_absent_camera_is_refused_in_one_line() -> None:
     with pytest.raises(
-        ThumperError, match="cannot open the camera /dev/video77: there is no such"
+        ThumperError, match="cannot open the camera port /dev/video77: there is no such"
     ) as refusal:
         open_camera(CameraOptions(port="/dev/video77"))
     assert refusal.value.exit_code == 3

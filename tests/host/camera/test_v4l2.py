@@ -76,13 +76,13 @@ def test_a_camera_without_frames_is_refused(video: Path) -> None:
 
 @pytest.mark.parametrize(
     ("port", "message"),
-    [("/dev/video99", "there is no such device"), ("/dev/null", "it is busy, no camera, or")],
+    [("/dev/video99", "there is no such port"), ("/dev/null", "it is busy, no camera, or")],
 )
 def test_a_port_that_is_no_camera_is_refused(
     port: str, message: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_WARNING)
-    with pytest.raises(ThumperError, match=f"cannot open the camera {port}: {message}") as refusal:
+    with pytest.raises(ThumperError, match=f"cannot open the camera port {port}: {message}") as refusal:
         open_v4l2(CameraOptions(port=port))
     assert refusal.value.exit_code == 3
     assert capfd.readouterr().err == ""

@@ -229,7 +229,7 @@ def test_full_disk_pauses_the_recording_and_keeps_what_is_written(
     lines = done.stdout.splitlines()
     assert lines[0] == "recording paused: File too large; it continues when there is room"
     part = next(tmp_path.glob("*_000.mcap.part"))
-    assert repair_all([part], print)
+    assert repair_all([part], print) == []
     first = sum(message.topic == "wheels" for message in Recording((tmp_path / part.stem,)).messages())
     assert first >= 20  # everything from before the disk was full
     if there_is_room:

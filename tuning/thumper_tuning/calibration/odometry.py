@@ -11,6 +11,7 @@ from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
 from thumper.common.files import write_text
 from thumper.common.geometry import FloatArray
 from thumper.common.kinematics import DriveGeometry
+from thumper.common.serial_port import check_port
 from thumper.config.robot import RobotConfig
 from thumper.lidar.open_lidar import open_lidar
 from thumper.lidar.options import LidarModel, LidarOptions
@@ -75,6 +76,7 @@ def collect_drive(
         raise ThumperError(
             "--truth belongs to --log: a drive records its own reference", exit_code=EXIT_USAGE
         )
+    check_port(source.board, "board")
     confirm_room(f"floor of {FLOOR}", console, yes=yes)
     counts, lidar_reference = _drive(source, config, options, console)
     log_path = write_csv(out / "wheels.csv", COUNT_COLUMNS, counts)

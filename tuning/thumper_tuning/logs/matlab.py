@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
-from thumper.common.files import read_bytes
+from thumper.common.files import read_bytes, unreadable
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.table import MAX_MB, LogTable
 
@@ -41,7 +41,7 @@ def read_matlab(path: Path) -> LogTable:
     except ThumperError:
         raise
     except OSError as error:
-        raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
+        raise unreadable(path, error) from error
     except NotImplementedError as error:
         raise ThumperError(
             f"{path}: a MATLAB 7.3 file; save it with `save('log.mat', '-v7')`", exit_code=EXIT_CHECK_FAILED

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
-from thumper.common.files import read_text
+from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
+from thumper.common.files import read_text, unreadable
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
 from thumper_tuning.logs.units import check_time
@@ -38,7 +38,7 @@ def read_sysid(path: Path) -> list[MotorLog]:
         units_per_rotation = math.tau if rad else float(data["unitsPerRotation"])
         gravity = GRAVITY.format(test=data["test"]) if data.get("test") in ("Elevator", "Arm") else ""
     except OSError as error:
-        raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
+        raise unreadable(path, error) from error
     except KeyError as error:
         raise ThumperError(
             f"{path}: not a SysId recording (no key {error}); pass a CSV file", exit_code=EXIT_CHECK_FAILED

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
-from thumper.common.files import read_table_bytes
+from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
+from thumper.common.files import read_table_bytes, unreadable
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.column_names import Quantity
 from thumper_tuning.logs.columns import is_known, parse_header
@@ -82,7 +82,7 @@ def _content(path: Path) -> bytes:
     try:
         data = read_table_bytes(path, MAX_MB)
     except OSError as error:
-        raise ThumperError(f"{path}: cannot read the log: {error.strerror}", exit_code=EXIT_USAGE) from error
+        raise unreadable(path, error) from error
     if data.startswith(b"PK"):
         raise ThumperError(f"{path}: a workbook; save the sheet as CSV", exit_code=EXIT_CHECK_FAILED)
     return data

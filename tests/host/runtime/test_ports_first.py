@@ -1,0 +1,28 @@
+"""A wrong port or world is refused before the kernels are compiled, which may take minutes."""
+
+import pytest
+
+from thumper.common.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
+from thumper.config.robot import RobotConfig, with_ports
+from thumper.runtime import assembly
+
+
+@pytest.mark.parametrize(
+    ("board", "lidar", "status", "words"),
+    [
+        ("/dev/ttyNONE9", "", EXIT_NOT_THERE, "there is no such port; is it plugged in?"),
+        ("sim://ports/board", "/dev/ttyNONE8", EXIT_NOT_THERE, "the lidar port /dev/ttyNONE8: there is no"),
+        ("sim://?world=hal", "", EXIT_USAGE, "hal: unknown world; did you mean 'hall'?"),
+        ("sim://?wrld=hall", "", EXIT_USAGE, "unknown simulator option 'wrld'; did you mean 'world'?"),
+        ("sim://?x_m=90", "", EXIT_USAGE, "choose a free start"),
+        ("sim://ports/bord", "sim://ports/lidar", EXIT_USAGE, "sim://ports/bord: not a simulated device"),
+        ("telepathy://board", "/dev/null", EXIT_USAGE, "no such kind of port"),
+    ],
+)
+def test_wrong_port(monkeypatch: pytest.MonkeyPatch, board: str, lidar: str, status: int, words: str) -> None:
+    monkeypatch.setattr(assembly, "warm_up", lambda _: pytest.fail("compiles before it looks at the ports"))
+    config = with_ports(RobotConfig(), board=board, lidar=lidar)
+    with pytest.raises(ThumperError) as refusal, assembly.open_robot(config, None):
+        pass
+    assert words in str(refusal.value)
+    assert refusal.value.exit_code == status
