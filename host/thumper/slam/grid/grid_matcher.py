@@ -91,11 +91,11 @@ class GridMatcher:
 
     def evidence(self, points: ScanPoints, pose: Pose2) -> BeamEvidence:
         """Return what about `EVIDENCE_BEAMS` of the hits say about the pose."""
-        hits = np.flatnonzero(points.kinds == HIT)
+        (hits,) = (points.kinds == HIT).nonzero()
         thinned = hits[:: max(1, hits.size // EVIDENCE_BEAMS)]
         return beam_evidence(
-            points.origins_m[thinned],
-            points.ends_m[thinned],
+            points.origins_m.take(thinned, axis=0),
+            points.ends_m.take(thinned, axis=0),
             self._to_corner(pose),
             self.grid.field,
             self.grid.misses,

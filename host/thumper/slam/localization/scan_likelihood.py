@@ -103,9 +103,8 @@ class ScanLikelihood:
         return ahead * abs(ahead) / max(1e-9, float(np.abs(log_first - log_second).sum()))
 
     def _beam_logs(self, pose: Pose2) -> FloatArray:
-        evidence = self._evidence(pose)
-        likelihoods = np.where(evidence.through_wall, 0.0, evidence.likelihoods)
-        return np.asarray(np.log((1.0 - RANDOM_SHARE) * likelihoods + RANDOM_SHARE))
+        supports = self._evidence(pose).supports
+        return np.asarray(np.log((1.0 - RANDOM_SHARE) * supports + RANDOM_SHARE))
 
     def _evidence(self, pose: Pose2) -> BeamEvidence:
         start = self._map.to_corner(np.array([pose.x_m, pose.y_m, pose.theta_rad]))

@@ -1,4 +1,4 @@
-"""What each beam of a scan says about one pose in a map."""
+"""What the beams of a scan say about one pose in a map."""
 
 import math
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper.slam.scan_matching.distance_field import CountArray, DistanceField
+from thumper.slam.scan_matching.distance_field import CountArray, DistanceField, FieldArray
 
 # This close before its end, a beam may pass a cell that is a wall in the map: neither is exact.
 WALL_MARGIN_M = 0.3
@@ -18,45 +18,24 @@ MaskArray = NDArray[np.bool_]
 
 
 class BeamEvidence(NamedTuple):
-    """What each beam of a scan says about one pose, arrays of shape (n,)."""
+    """What the beams of a scan say about one pose."""
 
-    likelihoods: FloatArray  # that it ends on a wall, 0...1
-    through_wall: MaskArray  # it crosses a wall more than `WALL_MARGIN_M` before its end
-    unknown: MaskArray  # it crosses none, and ends in unknown space away from walls
-
-    @property
-    def explained(self) -> float:
-        """Share of beams that end on a wall, 0...1.
-
-        One that ends in unknown space does not count, but at least half of the beams are counted.
-        """
-        return float(self.likelihoods.sum()) / self._counted()
-
-    @property
-    def fit(self) -> float:
-        """Share of beams that support the pose minus the share against it, -1...1.
-
-        A beam that passes through a wall counts against the pose, whatever it ends on.
-        """
-        return float(self.likelihoods.sum() - self.through_wall.sum()) / self._counted()
-
-    @property
-    def contradicting_share(self) -> float:
-        """Share of beams that end in free space, or pass through a wall, 0...1.
-
-        It is near zero for a look through a door into a new room, and large for a kidnapped robot.
-        """
-        against = self.through_wall | ((self.likelihoods == 0.0) & ~self.unknown)
-        return float(against.sum()) / max(1, len(against))
+    # Of each beam, shape (n,): the likelihood that it ends on a wall, 0...1; 0 if it passes through another.
+    supports: FloatArray
+    # Share of beams that end on a wall, 0...1. One that ends in unknown space does not count, but at least
+    # half of the beams count.
+    explained: float
+    # Share of beams that support the pose minus the share against it, -1...1. A beam that passes through a
+    # wall counts against the pose, whatever it ends on.
+    fit: float
+    # Share of beams that end in free space, or pass through a wall, 0...1. It is near zero for a look through
+    # a door into a new room, and large for a kidnapped robot.
+    contradicting_share: float
 
     @property
     def shows_new_area(self) -> bool:
         """Whether hardly a beam contradicts the map: what the map does not explain is new."""
         return self.contradicting_share < NEW_AREA_BELOW
-
-    def _counted(self) -> float:
-        beams = len(self.likelihoods)
-        return max(1.0, 0.5 * beams, beams - float(self.unknown.sum()))
 
 
 @kernel
@@ -72,28 +51,49 @@ def beam_evidence(
 
     `known`, shape (rows, columns), is not 0 where a beam has crossed the cell.
     """
-    distance_m, resolution_m = field.distance_m, field.resolution_m
+    distance_m, cells_per_m = field.distance_m, 1.0 / field.resolution_m
     rows, cols = distance_m.shape
     n = ends_m.shape[0]
-    likelihoods = np.empty(n)
-    through_wall, unknown = np.empty(n, np.bool_), np.empty(n, np.bool_)
+    supports = np.empty(n)
+    on_walls, through, unknown, against = 0.0, 0, 0, 0
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for i in range(n):
-        along_x, along_y = ends_m[i, 0] - origins_m[i, 0], ends_m[i, 1] - origins_m[i, 1]
-        length_m = math.hypot(along_x, along_y)
-        through_wall[i] = False
-        for k in range(int((length_m - WALL_MARGIN_M) / resolution_m)):
-            part = k * resolution_m / length_m
-            x_m, y_m = origins_m[i, 0] + part * along_x, origins_m[i, 1] + part * along_y
-            col = math.floor((pose[0] + cos * x_m - sin * y_m) / resolution_m)
-            row = math.floor((pose[1] + sin * x_m + cos * y_m) / resolution_m)
-            if 0 <= row < rows and 0 <= col < cols and distance_m[row, col] == 0.0:
-                through_wall[i] = True
-                break
-        col = math.floor((pose[0] + cos * ends_m[i, 0] - sin * ends_m[i, 1]) / resolution_m)
-        row = math.floor((pose[1] + sin * ends_m[i, 0] + cos * ends_m[i, 1]) / resolution_m)
+        from_col = (pose[0] + cos * origins_m[i, 0] - sin * origins_m[i, 1]) * cells_per_m
+        from_row = (pose[1] + sin * origins_m[i, 0] + cos * origins_m[i, 1]) * cells_per_m
+        to_col = (pose[0] + cos * ends_m[i, 0] - sin * ends_m[i, 1]) * cells_per_m
+        to_row = (pose[1] + sin * ends_m[i, 0] + cos * ends_m[i, 1]) * cells_per_m
+        passes = _passes_wall(from_col, from_row, to_col, to_row, distance_m, cells_per_m)
+        row, col = math.floor(to_row), math.floor(to_col)
         inside = 0 <= row < rows and 0 <= col < cols
         near = inside and distance_m[row, col] <= WALL_MARGIN_M
-        likelihoods[i] = math.exp(-0.5 * (distance_m[row, col] / std_m) ** 2) if near else 0.0
-        unknown[i] = not (through_wall[i] or near or (inside and known[row, col] > 0))
-    return BeamEvidence(likelihoods, through_wall, unknown)
+        likelihood = math.exp(-0.5 * (distance_m[row, col] / std_m) ** 2) if near else 0.0
+        # A beam that crosses no wall, and ends away from walls in unknown space, says nothing.
+        is_unknown = not (passes or near or (inside and known[row, col] > 0))
+        supports[i] = 0.0 if passes else likelihood
+        on_walls += likelihood
+        through += passes
+        unknown += is_unknown
+        against += passes or (likelihood == 0.0 and not is_unknown)
+    counted = max(1.0, 0.5 * n, float(n - unknown))
+    return BeamEvidence(supports, on_walls / counted, (on_walls - through) / counted, against / max(1, n))
+
+
+@kernel
+def _passes_wall(
+    from_col: float, from_row: float, to_col: float, to_row: float, distance_m: FieldArray, cells_per_m: float
+) -> bool:
+    """Return whether a beam crosses an occupied cell more than `WALL_MARGIN_M` before its end."""
+    rows, cols = distance_m.shape
+    length = math.hypot(to_col - from_col, to_row - from_row)
+    step_col, step_row = (to_col - from_col) / max(1.0, length), (to_row - from_row) / max(1.0, length)
+    k, steps = 0, int(length - WALL_MARGIN_M * cells_per_m)
+    while k < steps:
+        row, col = math.floor(from_row + k * step_row), math.floor(from_col + k * step_col)
+        k += 1
+        if 0 <= row < rows and 0 <= col < cols:
+            if distance_m[row, col] == 0.0:
+                return True
+            # After j steps the beam is in a cell at most j + sqrt(2) cells away, centre to centre. So it need
+            # not look before the nearest wall (Hart, "Sphere tracing", The Visual Computer 12, 1996).
+            k += max(0, int(distance_m[row, col] * cells_per_m - 1.5))
+    return False
