@@ -69,7 +69,8 @@ def _sections(command: Any, name: str) -> Iterator[str]:
     """Yield the lines of a command and its subcommands."""
     yield f"### {name}\n"
     for paragraph in (command.help or "").strip().split("\n\n"):
-        yield f"{_text(paragraph)}\n"
+        lines = [paragraph] if not paragraph.startswith("- ") else paragraph.splitlines()
+        yield "\n".join(map(_text, lines)) + "\n"
     yield from _table(command)
     below = getattr(command, "commands", {})
     for key in sorted(below):
@@ -96,11 +97,17 @@ def _value(row: Any) -> str:
         return ""
     pair = row.metavar and " " in row.metavar  # such as X Y, also where Typer takes the pair as a text
     word = row.metavar if pair else _type_text(row.type_descriptor.annotation)
-    bounds = [f"{sign} {bound:g}" for sign, bound in (("≥", row.min), ("≤", row.max)) if bound is not None]
+    bounds = [
+        f"{sign} {_number(bound)}" for sign, bound in (("≥", row.min), ("≤", row.max)) if bound is not None
+    ]
     often = ""
     if getattr(row, "multiple", False):
         word, often = word.removeprefix("list of "), " (may be repeated)"
     return ", ".join([word, *bounds]) + often
+
+
+def _number(value: float) -> str:
+    return str(value) if isinstance(value, int) else f"{value:g}"
 
 
 def options_page() -> str:

@@ -33,7 +33,10 @@ def demo(
     --seeds writes a table and one CSV row per drive. Then the exit status is 0 only if the robot reached
     every goal within 0.10 m (ground truth) without a contact, otherwise 1.
 
-    Example: `thumper demo --ui`, `thumper demo --seeds 20 --out out/seeds`
+    Examples:
+
+    - `thumper demo --ui`
+    - `thumper demo --seeds 20 --out out/seeds`
     """
     from rich.console import Console
 

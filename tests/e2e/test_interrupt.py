@@ -46,8 +46,9 @@ def test_no_drive_starts_after_ctrl_c(
 def test_ctrl_c_reports_the_motors_while_waiting_for_the_board(command: str, tmp_path: Path) -> None:
     """Nothing answers on the port; the handshake request shows that the command waits."""
     master, slave = os.openpty()
+    ports = ("--board", os.ttyname(slave), "--lidar", "/dev/null")
     process = subprocess.Popen(
-        [*END_WITH_PARENT, str(THUMPER), command, "--board", os.ttyname(slave), "--out", str(tmp_path)],
+        [*END_WITH_PARENT, str(THUMPER), command, *ports, "--out", str(tmp_path)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -10,12 +10,10 @@ from rich.console import Console
 from rich.table import Table
 
 from thumper.common.files import write_csv, write_text
-from thumper.config.robot import RobotConfig
 from thumper.maps.plot import BLUE, GREEN, ORANGE, draw_grid, save_figure
-from thumper.runtime.assembly import warm_up
 from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.outcome import Outcome
-from thumper_hil.demo.run import drive_mission
+from thumper_hil.demo.run import drive_mission, load_kernels
 
 GOAL_ERROR_LIMIT_M = 0.10  # a quarter of the thesis's tolerance
 
@@ -55,8 +53,7 @@ class MissionStatistic:
 
 def run_seeds(out: Path, *, first_seed: int, seeds: int, console: Console, preset: str = "nominal") -> bool:
     """Drive every mission with `seeds` seeds, write the results to `out`; return True if all passed."""
-    with console.status("loading the compiled kernels (compiling them on the first run)"):
-        warm_up(RobotConfig())
+    load_kernels(console)
     rows: list[DriveRow] = []
     outcomes: list[Outcome] = []
     for seed in range(first_seed, first_seed + seeds):

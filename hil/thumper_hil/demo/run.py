@@ -49,7 +49,7 @@ def run_demo(out: Path, *, seed: int, realtime: bool, console: Console, preset: 
 
 def load_kernels(console: Console) -> None:
     """Load the compiled kernels; the first run compiles them."""
-    with compile_progress(console), console.status("loading the compiled kernels"):
+    with compile_progress(console, "loading the compiled kernels"):
         warm_up(RobotConfig())
 
 

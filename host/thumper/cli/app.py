@@ -75,6 +75,24 @@ PANELS = {  # the order of `thumper --help`
     "Maps": ("map-log", "plan", "edit"),
     "Measure": ("campaign", "experiment"),
 }
+OPTION_PANELS = {  # of the commands with many options
+    "Goal": (
+        "goal",
+        "heading",
+        "goal_gps",
+        "waypoint",
+        "patrol",
+        "wait",
+        "tolerance",
+        "clear_fault",
+        "minutes",
+    ),
+    "Robot": ("board", "lidar", "config", "speed"),
+    "Map": ("start", "saved_map", "session", "fresh"),
+    "Output": ("out", "record", "record_to"),
+    "Others": ("bus", "ui", "help"),
+}
+START = "Start here: `thumper demo --ui` without a robot, `thumper setup` with one."
 TYPES = {  # Typer's names, and those of the help
     "<float range>": "<number>",
     "<float>": "<number>",
@@ -122,11 +140,25 @@ def _type_in_words(parameter: Any, ctx: Any) -> str | None:
     return f"{text} at least {least}" if most is None else f"{text} {least} to {most}"
 
 
+class OptionPanels:
+    """Shows the options of `run` and `explore`, whose help is long, in the panels of `OPTION_PANELS`."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Return the options and arguments."""
+        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]  # of the command
+        panels = {name: panel for panel, names in OPTION_PANELS.items() for name in names}
+        if any(parameter.name not in panels for parameter in parameters):
+            return parameters
+        for parameter in parameters:
+            parameter.rich_help_panel = panels[parameter.name]
+        return sorted(parameters, key=lambda parameter: [*OPTION_PANELS].index(panels[parameter.name]))
+
+
 class PlainGroup(ErrorsWithContext, PlainTypes, TyperGroup):
     """A command with subcommands."""
 
 
-class PlainCommand(ErrorsWithContext, PlainTypes, TyperCommand):
+class PlainCommand(ErrorsWithContext, PlainTypes, OptionPanels, TyperCommand):
     """A command whose arguments appear in capitals, and whose repeated options may take pairs X Y."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -175,6 +207,7 @@ def build_app() -> typer.Typer:
     app = typer.Typer(
         cls=PlainGroup,
         help="A brain for differential-drive robots: wheel speed control, mapping and navigation.",
+        epilog=START,
         no_args_is_help=True,
         rich_markup_mode="markdown",  # in "rich" a unit such as [m] is markup and vanishes
         pretty_exceptions_enable=False,

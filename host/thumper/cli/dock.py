@@ -58,7 +58,10 @@ def dock(
     The robot drives to the saved place `dock` of its map, or to the tag in view. Exits with 1 if it is not
     docked.
 
-    Example: `thumper dock`, `thumper dock --undock`
+    Examples:
+
+    - `thumper dock`
+    - `thumper dock --undock`
     """
     from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.common.errors import EXIT_INTERRUPTED, ThumperError

@@ -90,7 +90,7 @@ def _print(checks: Iterator[Check]) -> bool:
     from rich.markup import escape
 
     console = Console(soft_wrap=True)
-    style = {"pass": "green", "warn": "yellow", "fail": "red"}
+    style = {"pass": "green", "info": "cyan", "warn": "yellow", "fail": "red"}
     failed = False
     for check in checks:
         fix = f": {check.fix}" if check.fix else ""

@@ -47,7 +47,10 @@ def explore(
     itself. If the last run did not end normally (power cut, crash), the robot resumes its map. Exits with 1
     if it did not return to its start.
 
-    Example: `thumper explore --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --minutes 10`
+    Examples:
+
+    - `thumper explore --board 'sim://?world=house-4' --ui`
+    - `thumper explore --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --minutes 10`
     """
     from rich.console import Console
 

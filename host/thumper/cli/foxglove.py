@@ -25,7 +25,10 @@ def foxglove(
 
     Clients need the token in the address: [bus] token, or without one a new one.
 
-    Example: `thumper foxglove`, `thumper foxglove --bus 192.168.1.20:7448`
+    Examples:
+
+    - `thumper foxglove`
+    - `thumper foxglove --bus 192.168.1.20:7448`
     """
     import asyncio
     import secrets

@@ -51,8 +51,12 @@ def goto(
 
     Exits with 1 if the goal is rejected or not reached.
 
-    Example: `thumper goto 1.5 -0.5 90`, `thumper goto kitchen`, `thumper goto --gps 48.26243 11.66810`,
-    `thumper goto --object chair`
+    Examples:
+
+    - `thumper goto 1.5 -0.5 90`
+    - `thumper goto kitchen`
+    - `thumper goto --gps 48.26243 11.66810`
+    - `thumper goto --object chair`
     """
     from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
     from thumper.ros import services

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from thumper.common.geometry import Pose2
     from thumper.offline.map_log import MapLogSummary
 
-Method = Literal["slam", "scan_match", "rbpf", "graph"]
+Method = Literal["slam", "scan_match", "rbpf"]
 # The values of `thumper.slam.mounting.MountFinding`, which loads the mappers.
 Mount = Literal[
     "as-is",
@@ -49,8 +49,7 @@ def map_log(
     method: Annotated[
         Method,
         typer.Option(
-            help="Mapper: scan matching with loop closure, scan matching alone, or particle filter. graph is "
-            "the earlier name of slam."
+            help="Mapper: scan matching with loop closure, scan matching alone, or particle filter."
         ),
     ] = "slam",
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the particle filter.")] = 1,
@@ -91,7 +90,7 @@ def map_log(
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.offline.map_log import LogReading
     from thumper.offline.map_log import map_log as build
-    from thumper.slam.factory import MappingOptions, method_named
+    from thumper.slam.factory import MappingOptions
     from thumper.slam.mounting import MountFinding
     from thumper.slam.particle_filter.options import RbpfOptions
     from thumper.slam.saved_state import load_session
@@ -101,7 +100,7 @@ def map_log(
             "rbpf cannot continue a --session, only scan_match can; leave out --method", exit_code=EXIT_USAGE
         )
     start_pose = _start_pose(start, session)
-    options = MappingOptions(method=method_named(method), filter=RbpfOptions(seed=seed))
+    options = MappingOptions(method=method, filter=RbpfOptions(seed=seed))
     known = load_session(session, options.resolution_m) if session else None
     prepare_output(out)
     console = Console()

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -98,16 +98,18 @@ def _opened(options: RunOptions, settings: RobotConfig, *, serving: bool) -> Ite
     annotations = load_annotations(annotations_path(path)) if path else None
     map_path = options.out / "map.yaml" if serving else None
     join_bus = on_bus if serving else on_bus_if_free
-    with (
-        compile_progress(Console()),
-        dashboard_process(options.config, settings.bus.address, wanted=options.ui),
-        open_robot(
-            settings, start, known, map_path=map_path, annotations=annotations, datum=datum, opened=path
-        ) as robot,
-        recorded(robot, settings, start, options.record, options.record_to, serving=serving),
-        join_bus(robot, settings.name, settings.bus),
-        autosaved(robot, options.out),
-    ):
+    opened = open_robot(
+        settings, start, known, map_path=map_path, annotations=annotations, datum=datum, opened=path
+    )
+    with ExitStack() as stack:
+        stack.enter_context(dashboard_process(options.config, settings.bus.address, wanted=options.ui))
+        with compile_progress(Console()):
+            robot = stack.enter_context(opened)
+        stack.enter_context(
+            recorded(robot, settings, start, options.record, options.record_to, serving=serving)
+        )
+        stack.enter_context(join_bus(robot, settings.name, settings.bus))
+        stack.enter_context(autosaved(robot, options.out))
         yield robot
 
 

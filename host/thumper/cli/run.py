@@ -87,7 +87,10 @@ def run(
     --session, the saved frame stays, and the robot first localizes in it. If the last run did not end
     normally (power cut, crash), the robot resumes its map.
 
-    Example: `thumper run --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --goal 2.0 0.5`
+    Examples:
+
+    - `thumper run --board sim:// --ui`
+    - `thumper run --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --goal 2.0 0.5`
     """
     from rich.console import Console
 

@@ -14,7 +14,10 @@ def save(config: ConfigFile = None, bus: BusAddress = "", robot: RobotName = "")
 
     Exits with 1 if that fails.
 
-    Example: `thumper save`, `thumper save --bus 192.168.1.20:7448`
+    Examples:
+
+    - `thumper save`
+    - `thumper save --bus 192.168.1.20:7448`
     """
     from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.common.errors import ThumperError

@@ -12,6 +12,7 @@ import typer
 from thumper.cli.options.bus import connect
 from thumper.cli.options.common import AsJson, BusAddress, ConfigFile, RobotName
 from thumper.cli.output.stderr_report import report_to_stderr
+from thumper.ros.topics import TOPICS
 
 if TYPE_CHECKING:
     import queue
@@ -28,7 +29,10 @@ def status(
 ) -> None:
     """Show what a running robot does: mode, goal, board, lidar, control loop, recording.
 
-    Example: `thumper status`, `thumper status --bus 192.168.1.20:7448 --json`
+    Examples:
+
+    - `thumper status`
+    - `thumper status --bus 192.168.1.20:7448 --json`
     """
     from thumper.common.errors import EXIT_NOT_THERE, ThumperError
     from thumper.ros import services
@@ -113,13 +117,13 @@ def earth_text(mapping: Mapping[str, str]) -> str:
 
 
 def _topics() -> list[str]:
-    from thumper.ros.topics import TOPICS
-
     return list(TOPICS)
 
 
 def watch(
-    topic: Annotated[str, typer.Argument(help="Topic name; docs/bus.md lists them.", autocompletion=_topics)],
+    topic: Annotated[
+        str, typer.Argument(help=f"Name of a topic: {', '.join(TOPICS)}.", autocompletion=_topics)
+    ],
     as_json: AsJson = False,
     count: Annotated[int, typer.Option(help="Stop after this many messages; 0: at Ctrl-C.", min=0)] = 0,
     config: ConfigFile = None,
@@ -139,7 +143,6 @@ def watch(
     from thumper.common.texts import choice_hint
     from thumper.ros.to_json import to_json
     from thumper.ros.to_text import message_text
-    from thumper.ros.topics import TOPICS
 
     if topic not in TOPICS:
         raise ThumperError(f"unknown topic {topic!r}; {choice_hint(topic, TOPICS)}", exit_code=EXIT_USAGE)

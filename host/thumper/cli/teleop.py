@@ -38,7 +38,10 @@ def teleop(
     The robot drives only while you hold a key or the gamepad's button. When you release it, or if this
     program, the gamepad or the network fails, the robot stops within 0.5 s.
 
-    Example: `thumper teleop`, `thumper teleop --bus 192.168.1.20:7448 --no-gamepad`
+    Examples:
+
+    - `thumper teleop`
+    - `thumper teleop --bus 192.168.1.20:7448 --no-gamepad`
     """
     from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.common.errors import EXIT_USAGE, ThumperError

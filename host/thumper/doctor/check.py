@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-Verdict = Literal["pass", "warn", "fail"]
+Verdict = Literal["pass", "info", "warn", "fail"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

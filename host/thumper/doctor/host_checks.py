@@ -51,7 +51,7 @@ def _has_rule(text: str, vid: int, pid: int) -> bool:
 def _unit(home: Path, root: Path) -> Check:
     path = home / UNIT
     if not path.exists():
-        return Check(verdict="pass", what="start at boot is not set up (thumper.service)")
+        return Check(verdict="info", what="start at boot is not set up, which is optional (thumper.service)")
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
         if line.startswith("ExecStart="):
             program = Path(line.removeprefix("ExecStart=").split()[0].replace("%h", str(home)))

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.host.cli.conftest import Ended
+from thumper.ros.topics import TOPICS
 
 Run = Callable[..., Ended]
 
@@ -78,4 +79,21 @@ def test_help_shows_types_in_words(thumper: Run) -> None:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_each_command_has_an_example(thumper: Run, command: str) -> None:
-    assert "Example: thumper" in thumper(command, "--help").out
+    shown = " ".join(thumper(command, "--help").out.split())
+    assert re.search(r"Example: thumper|Examples: • thumper", shown)
+    assert not re.search(r"thumper [^,]*, thumper", shown), "one example a line, to copy it"
+
+
+def test_help_of_many_options_has_panels(thumper: Run) -> None:
+    for command, panels in {"run": ["Goal", "Robot"], "explore": ["Goal", "Robot"]}.items():
+        shown = re.findall(r"─ (\w+) ─", thumper(command, "--help").out)
+        assert shown == [*panels, "Map", "Output", "Others"]
+
+
+def test_overview_says_where_to_start(thumper: Run) -> None:
+    assert thumper("--help").out.rstrip().endswith("thumper setup with one.")
+
+
+def test_help_of_watch_lists_the_topics(thumper: Run) -> None:
+    shown = " ".join(word.strip("│") for word in thumper("watch", "--help").out.split())
+    assert ", ".join(TOPICS) in " ".join(shown.split())

@@ -9,7 +9,7 @@ from thumper.cli.options.common import AsJson, BusAddress, ConfigFile, RobotName
 
 app = typer.Typer(
     help="Identify the motors and tune the wheel-speed control: all steps, or one at a time.\n\n"
-    "Example: `thumper tune --board /dev/ttyUSB0`, `thumper tune fit LOG.csv`",
+    "Examples:\n\n- `thumper tune --board /dev/ttyUSB0`\n- `thumper tune fit LOG.csv`",
     invoke_without_command=True,
 )
 

@@ -17,7 +17,7 @@ BoardPort = Annotated[
     str,
     typer.Option(
         "--board",
-        help="Serial port or URL of the board; overrides the configuration.",
+        help="Serial port of the board, or sim:// to simulate; overrides the configuration.",
         autocompletion=_ports,
     ),
 ]

@@ -4,6 +4,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
+from rich.live import Live
+from rich.spinner import Spinner
+
+COMPILING = "compiling for this computer, once: a few minutes"
 
 
 class CompileProgress:
@@ -14,22 +18,32 @@ class CompileProgress:
 
 
 @contextmanager
-def compile_progress(console: Console) -> Iterator[CompileProgress]:
-    """Show how many kernels are compiled inside the block; nothing if all are loaded from disk."""
+def compile_progress(console: Console, loading: str = "") -> Iterator[CompileProgress]:
+    """Count the kernels that are compiled inside the block, in one line that ends as a summary.
+
+    If all are loaded from disk, a terminal shows `loading` meanwhile, and nothing remains.
+    """
     from numba.core import event
 
     progress = CompileProgress()
+    spinner = Spinner("dots", loading)
+    # numba's colours and rich would both replace stdout.
+    line = Live(spinner, console=console, transient=True, redirect_stdout=False, redirect_stderr=False)
+    if loading:
+        line.start()
 
     class Listener(event.Listener):
         def on_start(self, event: event.Event) -> None:
             if not progress.started:
                 progress.started = True
-                console.print("compiling for this computer, once: a few minutes")
+                spinner.update(text=COMPILING)
+                line.start()
+                if not console.is_terminal:
+                    console.print(COMPILING)
 
         def on_end(self, event: event.Event) -> None:
             progress.count += 1
-            if progress.count % 10 == 0:
-                console.print(f"compiled {progress.count} kernels")
+            spinner.update(text=f"{COMPILING}; {progress.count} kernels so far")
 
     listener = Listener()
     event.register("numba:compile", listener)  # type: ignore[no-untyped-call]
@@ -37,3 +51,6 @@ def compile_progress(console: Console) -> Iterator[CompileProgress]:
         yield progress
     finally:
         event.unregister("numba:compile", listener)  # type: ignore[no-untyped-call]
+        line.stop()
+    if progress.count:
+        console.print(f"compiled {progress.count} kernels")
