@@ -21,7 +21,6 @@ from thumper.slam.scan_matching.gauss_newton import (
     add_beams,
     add_prior,
     bilinear,
-    robust_cost,
     sample,
 )
 from thumper.slam.scan_matching.linalg3 import sample3, solve3
@@ -90,14 +89,6 @@ def _sample_levels(field: PatchMap, x: float, y: float) -> tuple[float, float, f
     return (level, jx, jy) if level < FAR else (level, 0.0, 0.0)
 
 
-@member(robust_cost, ParticleMatchWeights)
-def _geman_mcclure(weights: ParticleMatchWeights, residual: float) -> tuple[float, float]:
-    """Return the Cauchy weight, and the Geman-McClure cost, which needs no logarithm."""
-    unit, fade = 1.0 / (weights.beam_std * weights.beam_std), 1.0 / (weights.outlier * weights.outlier)
-    weight = unit / (1.0 + fade * residual * residual)
-    return weight, 0.5 * weight * residual * residual
-
-
 @kernel
 def _score(points: FloatArray, pose: FloatArray, field: PatchMap, std: float) -> float:
     """Return the mean of 1 / (1 + d^2 / 2 std^2) over the points, 0...1; points and pose in cells."""
@@ -150,7 +141,7 @@ def _gauss_newton(
     system = NormalEquations(hessian, np.zeros(3))
     cost = 0.0
     for _ in range(weights.iterations):
-        cost = add_beams(points, pose, field, weights, system)
+        _, cost = add_beams(points, pose, field, weights.beam_std, weights.outlier, system)
         add_prior(system, pose, prior, 0.0)
         step = solve3(system.hessian, system.gradient)
         shrink = min(

@@ -23,6 +23,7 @@ OUTLIER_M = 0.15  # distance at which a beam's Cauchy weight has fallen to one h
 MAX_ITERATIONS = 30  # a good prediction needs 4 to 8
 MIN_WALL_SHARE = 0.02  # with less of the visible wall across it, a direction counts as degenerate
 ZERO_COVARIANCE: FloatArray = np.zeros((3, 3))  # of a pose that is known exactly
+HUGE = 1e200  # of numbers up to 1e308
 DEGENERATE_STD_M = 0.001  # of odometry between two scans, along a degenerate direction
 
 
@@ -189,51 +190,44 @@ def sample(field: object, x: float, y: float) -> tuple[float, float, float]:
     raise NotImplementedError
 
 
-def robust_cost(weights: object, residual: float) -> tuple[float, float]:
-    """Return weight and cost of a beam. A generic function of kernels: each kind of weights is a member."""
-    raise NotImplementedError
-
-
 @member(sample, DistanceField)
 def _sample_metres(field: DistanceField, x: float, y: float) -> tuple[float, float, float]:
-    d_m, du, dv = interpolate(
-        field.distance_m, x / field.resolution_m, y / field.resolution_m, field.max_distance_m
-    )
+    cells_per_m = 1.0 / field.resolution_m
+    d_m, du, dv = interpolate(field.distance_m, x * cells_per_m, y * cells_per_m, field.max_distance_m)
     if d_m >= field.max_distance_m:
         return d_m, 0.0, 0.0
-    return d_m, du / field.resolution_m, dv / field.resolution_m
-
-
-@member(robust_cost, MatchWeights)
-def _cauchy(weights: MatchWeights, residual: float) -> tuple[float, float]:
-    """Return weight and cost c^2/2 log(1 + d^2/c^2) / std^2."""
-    unit, outlier_m = 1.0 / (weights.beam_std_m * weights.beam_std_m), weights.outlier_m
-    relative = (residual / outlier_m) ** 2
-    return unit / (1.0 + relative), 0.5 * unit * outlier_m * outlier_m * math.log(1.0 + relative)
+    return d_m, du * cells_per_m, dv * cells_per_m
 
 
 @kernel
 def add_beams(
-    points: FloatArray, pose: FloatArray, field: object, weights: object, system: NormalEquations
-) -> float:
-    """Fill the Gauss-Newton system with the beams at `pose`, weights frozen; return their robust cost.
+    points: FloatArray, pose: FloatArray, field: object, std: float, outlier: float, system: NormalEquations
+) -> tuple[float, float]:
+    """Fill the Gauss-Newton system with the beams at `pose`; return their Cauchy and Geman-McClure costs.
 
-    `points`, shape (n, 2), and `pose`, shape (3,), are in the unit of the field.
+    `points`, shape (n, 2), and `pose`, shape (3,), are in the unit of the field. A beam at the distance d has
+    the weight 1 / std^2 / (1 + d^2/c^2) with c = `outlier`, frozen in the system. Its costs are
+    c^2/2 / std^2 log(1 + d^2/c^2), and d^2/2 times the weight.
     """
     system.hessian[:] = 0.0
     system.gradient[:] = 0.0
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    cost = 0.0
+    unit, fade = 1.0 / (std * std), 1.0 / (outlier * outlier)
+    logarithms, product, squares = 0.0, 1.0, 0.0
     for i in range(points.shape[0]):
         rx = cos * points[i, 0] - sin * points[i, 1]  # the beam's end is pose + (rx, ry)
         ry = sin * points[i, 0] + cos * points[i, 1]
         residual, jx, jy = sample(field, pose[0] + rx, pose[1] + ry)
-        weight, beam_cost = robust_cost(weights, residual)
-        cost += beam_cost
+        factor = 1.0 + fade * residual * residual
+        weight = unit / factor
+        squares += weight * residual * residual
+        product *= factor  # one logarithm for many beams
+        if product > HUGE:
+            logarithms, product = logarithms + math.log(product), 1.0
         if jx == 0.0 and jy == 0.0:
             continue
         _add_beam(system, weight, residual, jx, jy, jy * rx - jx * ry)  # chain rule over the heading
-    return cost
+    return 0.5 * unit * outlier * outlier * (logarithms + math.log(product)), 0.5 * squares
 
 
 @kernel
@@ -246,7 +240,8 @@ def normal_equations(
     system: NormalEquations,
 ) -> float:
     """Fill the Gauss-Newton system at `pose`; return the cost of beams and prior there."""
-    return add_prior(system, pose, prior, add_beams(points_m, pose, field, weights, system))
+    cost, _ = add_beams(points_m, pose, field, weights.beam_std_m, weights.outlier_m, system)
+    return add_prior(system, pose, prior, cost)
 
 
 @kernel

@@ -17,6 +17,7 @@ from thumper.slam.scan_matching.gauss_newton import (
     MatchWeights,
     NormalEquations,
     PosePrior,
+    add_beams,
     interpolate,
     match,
     normal_equations,
@@ -116,6 +117,21 @@ def test_gradient_is_the_slope_of_the_cost(x: float, y: float, theta: float) -> 
         low, high = min(forward, backward), max(forward, backward)
         slack = 1e-3 * (1.0 + abs(low) + abs(high))
         assert low - slack <= gradient[k] <= high + slack
+
+
+def test_costs_are_the_sums_over_all_beams() -> None:
+    """So many that the product of their factors exceeds every number."""
+    points_m, pose = np.concatenate([scale * HITS_M for scale in (0.7, 1.0, 1.2)]), to_corner(TRUTH)
+    system = NormalEquations(np.zeros((3, 3)), np.zeros(3))
+    cauchy, geman_mcclure = add_beams(points_m, pose, GRID.field, 0.05, 0.15, system)
+
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    ends = (points_m @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]) / GRID.resolution_m
+    off_m = np.array([interpolate(GRID.distance_m, x, y, GRID.max_distance_m)[0] for x, y in ends])
+    relative = (off_m / 0.15) ** 2
+    assert np.log10(1.0 + relative).sum() > 308
+    assert cauchy == pytest.approx(0.5 * (0.15 / 0.05) ** 2 * np.log(1.0 + relative).sum())
+    assert geman_mcclure == pytest.approx((0.5 * (off_m / 0.05) ** 2 / (1.0 + relative)).sum())
 
 
 def test_interpolation_is_exact_at_cell_centres() -> None:
