@@ -1,9 +1,12 @@
 """Who caused a contact with a walking person: the robot that drove on, or the person who walked in.
 
-It is the robot's if its outline moved towards the leg, and faster than the leg moved towards the robot. Both
-speeds are along the line from the point of the outline that is touched to the leg: a leg that comes from the
-side is the person's, even if it also walks ahead.
+It is the robot's if its outline moves towards the leg at the touch, and came further towards it than the leg
+came towards the outline. That counts over the time in which no robot can respond: a foot swings at twice the
+walking speed and then rests, so its speed at the touch says nothing about who came.
 """
+
+from collections import deque
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,7 +20,13 @@ STATIONARY_M_S = 0.06
 FURTHEST_STEP_M = 0.1
 """No leg moves further between two checks."""
 
+RESPONSE_S = 0.2
+"""From a command until the base responds: the product's `SpeedLimits.latency_s`, without a scan's age."""
+
+ROUNDING_S = 1e-6
 NO_SEGMENTS = np.zeros((0, 4))
+
+T = TypeVar("T")
 
 
 class LegContacts:
@@ -28,43 +37,61 @@ class LegContacts:
         self.by_people = 0
         self._footprint_m = footprint_m
         self._touching: set[int] = set()
-        self._before: Pose2 | None = None
-        self._legs_before_m = np.zeros((0, 3))
+        self._time_s = 0.0
+        self._poses: deque[tuple[float, Pose2]] = deque()
+        self._paths: list[deque[tuple[float, FloatArray]]] = []  # of the legs
 
     def check(self, pose: Pose2, legs_m: FloatArray, elapsed_s: float) -> None:
         """Count the legs, shape (n, 3), that touch the outline at `pose` and did not before."""
+        self._time_s += elapsed_s
+        befores = [self._before_of(leg) for leg in legs_m]
+        # Two legs may have the same one before them.
+        self._paths = [deque() if k is None else self._paths[k].copy() for k in befores]
+        for path, leg in zip(self._paths, legs_m, strict=True):
+            self._append(path, leg)
         outline_m = pose.apply(self._footprint_m)
         touching = set()
         for index, leg in enumerate(legs_m):
             if np.hypot(leg[0] - pose.x_m, leg[1] - pose.y_m) > 1.0:
                 continue
-            before = self._before_of(leg)
-            touched = before in self._touching
-            clearance_m = polygon_clearance_m(outline_m, NO_SEGMENTS, leg[None, :])
-            if clearance_m <= (CLEAR_M if touched else 0.0):
+            touched = befores[index] in self._touching
+            if _clearance_m(outline_m, leg) <= (CLEAR_M if touched else 0.0):
                 touching.add(index)
                 if not touched:
-                    walked_m = np.zeros(2) if before is None else leg[:2] - self._legs_before_m[before, :2]
-                    self._judge(pose, leg[:2], walked_m, elapsed_s)
-        self._touching, self._before, self._legs_before_m = touching, pose, legs_m
+                    self._judge(pose, leg, self._paths[index][0][1], elapsed_s)
+        self._touching = touching
+        self._append(self._poses, pose)
+
+    def _append(self, history: deque[tuple[float, T]], newest: T) -> None:
+        """Add the newest entry; drop those older than `RESPONSE_S`."""
+        history.append((self._time_s, newest))
+        while history[0][0] < self._time_s - RESPONSE_S - ROUNDING_S:
+            history.popleft()
 
     def _before_of(self, leg: FloatArray) -> int | None:
         """Return the index that a leg, shape (3,), had one step before: a person who turns swaps the two."""
-        away_m = np.hypot(*(self._legs_before_m[:, :2] - leg[:2]).T)
-        return int(np.argmin(away_m)) if away_m.min(initial=np.inf) < FURTHEST_STEP_M else None
+        away_m = [float(np.hypot(*(path[-1][1][:2] - leg[:2]))) for path in self._paths]
+        nearest = int(np.argmin(away_m)) if away_m else 0
+        return nearest if away_m and away_m[nearest] < FURTHEST_STEP_M else None
 
-    def _judge(self, pose: Pose2, leg_m: FloatArray, walked_m: FloatArray, elapsed_s: float) -> None:
-        before = self._before or pose
+    def _judge(self, pose: Pose2, leg: FloatArray, leg_then: FloatArray, elapsed_s: float) -> None:
+        before = self._poses[-1][1] if self._poses else pose
+        pose_then = self._poses[0][1] if self._poses else pose
         # The point of the body at the leg, carried back to where it was one step before.
+        leg_m, outline_m = leg[:2], pose.apply(self._footprint_m)
         moved_m = leg_m - before.apply(pose.inverse().apply(leg_m[None, :]))[0]
-        away_m = leg_m - _nearest_m(pose.apply(self._footprint_m), leg_m)
-        outward = away_m / max(float(np.hypot(*away_m)), 1e-9)
-        robot_m_s = float(moved_m @ outward) / elapsed_s
-        person_m_s = -float(walked_m @ outward) / elapsed_s
-        if robot_m_s > max(STATIONARY_M_S, person_m_s):
+        away_m = leg_m - _nearest_m(outline_m, leg_m)
+        robot_m_s = float(moved_m @ away_m) / max(float(np.hypot(*away_m)), 1e-9) / elapsed_s
+        robot_came_m = _clearance_m(pose_then.apply(self._footprint_m), leg)
+        person_came_m = _clearance_m(outline_m, leg_then)
+        if robot_m_s > STATIONARY_M_S and robot_came_m > person_came_m:
             self.by_robot += 1
         else:
             self.by_people += 1
+
+
+def _clearance_m(outline_m: FloatArray, leg: FloatArray) -> float:
+    return polygon_clearance_m(outline_m, NO_SEGMENTS, leg[None, :])
 
 
 def _nearest_m(outline_m: FloatArray, point_m: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""A touch with a leg is the contact of whoever approached faster."""
+"""A touch with a leg is the contact of whoever came nearer before it."""
 
 import numpy as np
 import pytest
@@ -39,6 +39,18 @@ def test_a_leg_from_the_side_is_the_persons_though_it_overtakes() -> None:
         leg_m = np.array([[0.05 + 1.3 * tick * TICK_S, 0.24 - 0.5 * tick * TICK_S, 0.06]])
         contacts.check(Pose2(x_m=0.2 * tick * TICK_S), leg_m, TICK_S)
     assert (contacts.by_robot, contacts.by_people) == (0, 1)
+
+
+@pytest.mark.parametrize(("rested_s", "expected"), [(0.0, (0, 1)), (0.05, (0, 1)), (0.3, (1, 0))])
+def test_a_foot_put_down_in_the_way_is_the_persons(rested_s: float, expected: tuple[int, int]) -> None:
+    """The robot drives; the foot swings in at 1.3 m/s and rests: too shortly before the touch, or not."""
+    contacts = LegContacts(FOOTPRINT_M)
+    for tick in range(100):
+        to_touch_s = 0.8 - tick * TICK_S
+        swings_s = max(0.0, to_touch_s - rested_s)
+        leg_m = np.array([[0.27, 0.1 + 1.3 * swings_s, 0.06]])
+        contacts.check(Pose2(x_m=0.2 * -to_touch_s), leg_m, TICK_S)
+    assert (contacts.by_robot, contacts.by_people) == expected
 
 
 def test_a_side_that_swings_into_a_passing_leg_is_the_robots() -> None:
