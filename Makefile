@@ -22,7 +22,7 @@ help:
 	@echo "make lint      ruff, mypy --strict, house words, clang-format, clang-tidy on the firmware's core"
 	@echo "make coverage  what the tests run: all lines and conditions of the firmware's core, 90 % of Python's lines"
 	@echo "make firmware  build firmware/build/thumper.elf and .hex and those of the second board, print their size"
-	@echo "make reference write the reference pages of commands and options"
+	@echo "make reference write the reference pages of commands, options and Python"
 	@echo "make docs      build the documentation's site, with a robot on its front page, into site/; a dead link is an error"
 	@echo "make wheel     build a wheel in dist/, install it into an empty environment and drive the demo from it"
 	@echo "make wheel-aarch64  the same for 64-bit ARM; drives a simulated robot in qemu"
@@ -79,6 +79,7 @@ protocol: $(VENV)/.run
 
 reference: $(VENV)/.dev
 	$(BIN)/python scripts/generate_reference.py
+	$(BIN)/python scripts/python_reference.py
 	$(BIN)/python scripts/draw_architecture.py
 	$(BIN)/python scripts/draw_badges.py
 

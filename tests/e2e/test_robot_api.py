@@ -124,6 +124,9 @@ def test_a_plot_is_a_picture(tmp_path: Path, lab: Robot) -> None:
 def test_the_robot_and_its_results_are_short_in_a_notebook(lab: Robot) -> None:
     assert re.fullmatch(r"<Robot sim://robot\d+/\S+ at \(-?0\.\d+ m, .*, 7\.\d V, DISARMED>", repr(lab))
     assert repr(Robot("sim://")).endswith("not open>")
+    assert re.fullmatch(
+        r"<Telemetry: DISARMED, left 0\.00 rad/s, right 0\.00 rad/s, 7\.\d V>", repr(lab.telemetry)
+    )
     with Robot("sim://") as robot:
         assert re.fullmatch(r"<reached: turned \d+ degrees; 0\.\d+ m in \d\.\d s>", repr(robot.turn(deg=20)))
 
@@ -178,7 +181,8 @@ def test_each_result_has_the_time_and_length_of_its_drive() -> None:
         (lambda robot: robot.forward(0.0), "forward: choose a distance"),
         (lambda robot: robot.forward(1.0, v_m_s=3.0), "v_m_s: choose more than 0 and up to"),
         (lambda robot: robot.forward(1.0, v_m_s=-0.1), "v_m_s: choose more than 0"),
-        (lambda robot: robot.turn(90), r"90 rad is 14 turns; pass degrees as deg=90"),
+        (lambda robot: robot.turn(10), "turn: 10 rad is more than a turn; pass degrees as deg=10"),
+        (lambda robot: robot.turn(-6.3), "turn: -6.3 rad is more than a turn"),
         (lambda robot: robot.turn(), "turn: pass an angle"),
         (lambda robot: robot.turn(1.0, deg=90), "rad or deg, not both"),
         (lambda robot: robot.goto(0.5, 0.0, 90), "pass degrees as heading_deg=90"),

@@ -15,7 +15,8 @@ from thumper.config.robot import RobotConfig
 ROOT = Path(__file__).parents[2]
 GENERATE = ROOT / "scripts/generate_reference.py"
 GENERATED = [
-    ROOT / "scripts" / name for name in ("draw_architecture.py", "draw_badges.py", "render_notebooks.py")
+    ROOT / "scripts" / name
+    for name in ("draw_architecture.py", "draw_badges.py", "python_reference.py", "render_notebooks.py")
 ]
 REFERENCE = ROOT / "docs/reference"
 

@@ -353,7 +353,7 @@ class Identity:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Telemetry:
     """Sent once per control tick. Speeds and set-points belong to the interval just ended."""
 
@@ -383,6 +383,16 @@ class Telemetry:
     tx_dropped: int  # Control ticks without telemetry since reset, because the line was busy; wraps.
     heading: int  # [rev/65536] Heading by the gyroscope, counter-clockwise; wraps. Arbitrary before READY.
     gyroscope: GyroscopeState  # State of the gyroscope.
+
+    def __repr__(self) -> str:
+        left_rad_s, right_rad_s, battery_V = (
+            value / 1000.0 for value in (self.left_speed, self.right_speed, self.battery_mV)
+        )
+        fault = f" ({self.fault.name})" if self.fault else ""
+        return (
+            f"<Telemetry: {self.state.name}{fault}, left {left_rad_s:z.2f} rad/s, "
+            f"right {right_rad_s:z.2f} rad/s, {battery_V:.1f} V>"
+        )
 
     def pack(self) -> bytes:
         """Return the payload, 48 bytes."""

@@ -19,7 +19,7 @@ class ThumperError(Exception):
     """An error that the user can fix. The message is one line: what is wrong, then how to fix it.
 
     The command line prints the message without a traceback and exits with `exit_code`: 1, or one of the
-    constants above. `option` names the command-line option that fixes the error. Dashboard and bus clients
+    `EXIT_` constants. `option` names the command-line option that fixes the error. Dashboard and bus clients
     have no options; they show the message alone.
     """
 

@@ -22,12 +22,17 @@ def wrap_angle(angle_rad: float) -> float:
 class Pose2:
     """A pose in the plane. As a transform it maps points from the body's frame to the pose's frame."""
 
-    x_m: float = 0.0
-    y_m: float = 0.0
-    theta_rad: float = 0.0
+    x_m: float = 0.0  # forward, at the start
+    y_m: float = 0.0  # to the left, at the start
+    theta_rad: float = 0.0  # counter-clockwise from x
+
+    @property
+    def heading_deg(self) -> float:
+        """The heading `theta_rad` in degrees."""
+        return math.degrees(self.theta_rad)
 
     def __repr__(self) -> str:
-        return f"Pose2({self.x_m:z.2f} m, {self.y_m:z.2f} m, {math.degrees(self.theta_rad):z.1f}°)"
+        return f"Pose2({self.x_m:z.2f} m, {self.y_m:z.2f} m, {self.heading_deg:z.1f}°)"
 
     def __matmul__(self, other: "Pose2") -> "Pose2":
         """Compose: `a_from_b @ b_from_c` is `a_from_c`."""

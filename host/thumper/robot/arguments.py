@@ -8,7 +8,6 @@ from thumper.navigation.goal import check_place
 
 MAX_DURATION_S = 600.0
 MAX_DISTANCE_M = 50.0
-FULL_TURNS = 2.0  # no script means more, but many mean degrees
 
 
 def number(call: str, value: float) -> float:
@@ -64,9 +63,9 @@ def angle_rad(call: str, rad: float | None, deg: float | None, name: str) -> flo
     if rad is None:
         return None
     result = number(call, rad)
-    if abs(result) > FULL_TURNS * math.tau:
+    if abs(result) > math.tau:  # few scripts mean more than a turn, but many mean degrees
         raise ThumperError(
-            f"{call}: {result:g} rad is {result / math.tau:.0f} turns; pass degrees as {name}deg={result:g}",
+            f"{call}: {result:g} rad is more than a turn; pass degrees as {name}deg={result:g}",
             exit_code=EXIT_USAGE,
         )
     return result

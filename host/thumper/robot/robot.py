@@ -13,7 +13,6 @@ the script takes; the next call reads what has waited in the ports. On exit, wha
 stop first.
 """
 
-import math
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from dataclasses import replace
@@ -149,7 +148,7 @@ class Robot:
             return f"<Robot {port}: not open>"
         pose, telemetry = self._state.map_from_base, self._loop.inputs.telemetry
         battery = f", {telemetry.battery_mV / 1000.0:.1f} V, {telemetry.state.name}" if telemetry else ""
-        place = f"({pose.x_m:z.2f} m, {pose.y_m:z.2f} m, {math.degrees(pose.theta_rad):z.0f} deg)"
+        place = f"({pose.x_m:z.2f} m, {pose.y_m:z.2f} m, {pose.heading_deg:z.0f} deg)"
         return f"<Robot {port} at {place}{battery}>"
 
     def forward(self, distance_m: float, *, v_m_s: float = 0.25) -> DriveResult:
@@ -177,7 +176,8 @@ class Robot:
     ) -> DriveResult:
         """Turn in place, counter-clockwise if positive: `turn(1.57)` or `turn(deg=90)`; return the result.
 
-        `w_rad_s` is the highest turn rate. Stops before an obstacle as `forward` does.
+        More than a full turn is taken in degrees only: `turn(deg=720)`. `w_rad_s` is the highest turn rate.
+        Stops before an obstacle as `forward` does.
 
         Raises
         ------

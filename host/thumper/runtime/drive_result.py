@@ -10,10 +10,10 @@ from thumper.common.geometry import Pose2
 class DriveResult:
     """How a drive to a goal ended."""
 
-    reached: bool
+    reached: bool  # whether the robot arrived
     interrupted: bool  # by the user: Ctrl-C, or a request over the bus
-    reason: str
-    time_s: float
+    reason: str  # why the drive ended
+    time_s: float  # duration of this drive
     path_length_m: float  # from the wheels
     map_from_base: Pose2  # estimated pose at the end
     navigation_failed: bool = False  # the navigator gave up the goal; no part of the robot failed
