@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.resumable import Search, bands_of
-from thumper.lidar.deskew import INVALID, ScanPoints
+from thumper.lidar.deskew import ScanPoints
 from thumper.maps.cell_changes import CellBox
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import UNKNOWN, CellArray, OccupancyGrid
 from thumper.slam.grid.occupancy_render import OccupancyRender
-from thumper.slam.grid.ray_casting import GridBeams
+from thumper.slam.grid.ray_casting import GridBeams, valid_beams
 from thumper.slam.grid.scan_inserter import HitCells, insert_scan
 from thumper.slam.scan_matching.distance_field import (
     DistanceField,
@@ -113,9 +113,12 @@ class HitGrid:
 
         Scans inserted there need no growth, which copies the whole map at once.
         """
-        low, high = self._cells_around(np.array([low_m, high_m]))
-        rows, cols = int(high[1] - low[1]), int(high[0] - low[0])
-        self._first_row, self._first_col = int(low[1]), int(low[0])
+        (left, top), (right, bottom) = (
+            np.floor(m / self.resolution_m).astype(int).tolist() for m in (low_m, high_m)
+        )
+        box = self._with_margin(CellBox(top, left, bottom + 1, right + 1))
+        rows, cols = box.bottom - box.top, box.right - box.left
+        self._first_row, self._first_col = box.top, box.left
         self._render = None
         self.hits, self.misses, self._layer = (_zeros((rows, cols), np.dtype(np.uint8)) for _ in range(3))
         if self._distances:
@@ -130,22 +133,22 @@ class HitGrid:
 
     def insert(self, map_from_base: Pose2, points: ScanPoints) -> None:
         """Insert a scan taken at the pose."""
-        valid = points.kinds != INVALID
-        if not valid.any():
+        pose = np.array([map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad])
+        moved, box = valid_beams(points.origins_m, points.ends_m, points.kinds, pose, self.resolution_m)
+        if box.is_empty:
             return
-        origins_m = map_from_base.apply(points.origins_m[valid])
-        ends_m = map_from_base.apply(points.ends_m[valid])
-        self._ensure_covers(np.concatenate((origins_m, ends_m)))
+        self._ensure_covers(box)
         corner = np.array(self.corner_m)
         beams = GridBeams(
-            (origins_m - corner) / self.resolution_m,
-            (ends_m - corner) / self.resolution_m,
-            points.kinds[valid],
+            (moved.origins - corner) / self.resolution_m,
+            (moved.ends - corner) / self.resolution_m,
+            moved.kinds,
         )
-        cells = HitCells(self.hits, self.misses, self.distance_m)
-        insert_scan(beams, self._layer, cells, self._rule)
+        insert_scan(beams, self._layer, HitCells(self.hits, self.misses, self.distance_m), self._rule)
         if self._render is not None:
-            self._render.add_scan(_cells_crossed(beams))
+            top, left, bottom, right = box  # with one more cell on each side for the rounding of the rays
+            row, col = self._first_row, self._first_col
+            self._render.add_scan(CellBox(top - row - 1, left - col - 1, bottom - row + 1, right - col + 1))
 
     def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """Return the mask of occupied cells, shape (rows, columns)."""
@@ -190,42 +193,30 @@ class HitGrid:
         self._layer = _zeros((rows, cols), np.dtype(np.uint8))
         self._render = None
 
-    def _cells_around(self, points_m: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the lowest and the highest (column, row) that points, shape (n, 2), need."""
+    def _with_margin(self, box: CellBox) -> CellBox:
+        """Return the cells that the distances around the cells of a box need."""
         margin = self.max_distance_cells + 2
-        low: FloatArray = np.floor(points_m.min(axis=0) / self.resolution_m) - margin
-        high: FloatArray = np.floor(points_m.max(axis=0) / self.resolution_m) + margin + 1
-        return low, high
+        return CellBox(box.top - margin, box.left - margin, box.bottom + margin, box.right + margin)
 
-    def _ensure_covers(self, points_m: FloatArray) -> None:
-        """Grow the arrays until the points, and the distances around them, lie inside."""
-        low, high = self._cells_around(points_m)
-        rows, cols = self.hits.shape
-        first_row, last_row = self._first_row, self._first_row + rows
-        first_col, last_col = self._first_col, self._first_col + cols
-        if rows and (
-            low[0] >= first_col and low[1] >= first_row and high[0] <= last_col and high[1] <= last_row
-        ):
-            return
+    def _ensure_covers(self, box: CellBox) -> None:
+        """Grow the arrays until a box of cells, and the distances around it, lie inside.
+
+        Cells are counted from the map's origin.
+        """
+        box, (rows, cols) = self._with_margin(box), self.hits.shape
+        old = CellBox(self._first_row, self._first_col, self._first_row + rows, self._first_col + cols)
         if not rows:
-            first_col = last_col = int(low[0])
-            first_row = last_row = int(low[1])
-        top = first_row - _added(first_row - low[1], rows)
-        left = first_col - _added(first_col - low[0], cols)
-        bottom = last_row + _added(high[1] - last_row, rows)
-        right = last_col + _added(high[0] - last_col, cols)
-        self._grow(bottom - top, right - left, first_row - top, first_col - left)
+            old = CellBox(box.top, box.left, box.top, box.left)
+        elif old.union(box) == old:
+            return
+        top, left = old.top - _added(old.top - box.top, rows), old.left - _added(old.left - box.left, cols)
+        bottom = old.bottom + _added(box.bottom - old.bottom, rows)
+        right = old.right + _added(box.right - old.right, cols)
+        self._grow(bottom - top, right - left, old.top - top, old.left - left)
         self._first_row, self._first_col = top, left
 
 
-def _cells_crossed(beams: GridBeams) -> CellBox:
-    """Return the box round all cells of a scan, with one more on each side for the rounding of the rays."""
-    low = np.floor(np.minimum(beams.origins.min(axis=0), beams.ends.min(axis=0))).astype(np.int64)
-    high = np.floor(np.maximum(beams.origins.max(axis=0), beams.ends.max(axis=0))).astype(np.int64)
-    return CellBox(int(low[1]) - 1, int(low[0]) - 1, int(high[1]) + 2, int(high[0]) + 2)
-
-
-def _added(missing: float, side: int) -> int:
+def _added(missing: int, side: int) -> int:
     """Return by how many cells an array of this side grows where `missing` are needed."""
     return BLOCK * math.ceil(max(missing, GROWTH * side) / BLOCK) if missing > 0 else 0
 

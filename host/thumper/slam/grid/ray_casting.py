@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.lidar.deskew import INVALID, KindArray
+from thumper.maps.cell_changes import CellBox
 
 LayerArray = NDArray[np.uint8]
 CrossedArray = NDArray[np.int32]
@@ -20,6 +21,41 @@ class GridBeams(NamedTuple):
     origins: FloatArray  # shape (n, 2)
     ends: FloatArray  # shape (n, 2)
     kinds: KindArray  # HIT, MISS or INVALID, shape (n,)
+
+
+@kernel
+def valid_beams(
+    origins_m: FloatArray, ends_m: FloatArray, kinds: KindArray, pose: FloatArray, cell_m: float
+) -> tuple[GridBeams, CellBox]:
+    """Return the valid beams in metres in the map, and the box round the cells where they begin and end.
+
+    `pose`, shape (3,), is the robot's. Cells are counted from the map's origin. The box is empty without a
+    valid beam.
+    """
+    valid = np.flatnonzero(kinds != INVALID)
+    beams = GridBeams(_moved(origins_m, valid, pose), _moved(ends_m, valid, pose), kinds[valid])
+    if not valid.size:
+        return beams, CellBox(0, 0, 0, 0)
+    left = top = math.inf
+    right = bottom = -math.inf
+    for i in range(valid.size):
+        for points_m in (beams.origins, beams.ends):
+            left, right = min(left, points_m[i, 0]), max(right, points_m[i, 0])
+            top, bottom = min(top, points_m[i, 1]), max(bottom, points_m[i, 1])
+    first = math.floor(top / cell_m), math.floor(left / cell_m)
+    return beams, CellBox(*first, math.floor(bottom / cell_m) + 1, math.floor(right / cell_m) + 1)
+
+
+@kernel
+def _moved(points_m: FloatArray, chosen: NDArray[np.int64], pose: FloatArray) -> FloatArray:
+    """Return the chosen points, shape (n, 2), seen from the robot at the pose, in the map."""
+    moved_m = np.empty((chosen.size, 2))
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    for i in range(chosen.size):
+        x_m, y_m = points_m[chosen[i], 0], points_m[chosen[i], 1]
+        moved_m[i, 0] = pose[0] + cos * x_m - sin * y_m
+        moved_m[i, 1] = pose[1] + sin * x_m + cos * y_m
+    return moved_m
 
 
 @kernel

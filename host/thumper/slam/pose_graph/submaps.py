@@ -44,12 +44,12 @@ class NodeScan:
 
     def points(self, range_m: float = math.inf) -> ScanPoints:
         """Return the valid beams; those longer than `range_m` are invalid."""
-        origins_m = np.broadcast_to(self.origins_m, self.ends_m.shape).astype(np.float64)
+        origins_m = np.broadcast_to(self.origins_m, self.ends_m.shape).astype(np.float64, order="C")
         kinds = self.kinds
         if range_m < math.inf:
             along_m = self.ends_m - self.origins_m
             kinds = np.where(np.hypot(along_m[:, 0], along_m[:, 1]) <= range_m, kinds, np.uint8(INVALID))
-        return ScanPoints(origins_m=origins_m, ends_m=self.ends_m.astype(np.float64), kinds=kinds)
+        return ScanPoints(origins_m=origins_m, ends_m=self.ends_m.astype(np.float64, order="C"), kinds=kinds)
 
 
 @dataclass(slots=True)
