@@ -5,13 +5,15 @@ import re
 import signal
 import subprocess
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
+import pytest
 from benchmarks.shared.live import END_WITH_PARENT
 
 from tests.e2e.conftest import THUMPER
 from thumper.board.board import Board
-from thumper.board.messages import State
+from thumper.board.messages import Command, State
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -24,6 +26,29 @@ def test_run_reaches_a_goal_over_serial_ports(thumper: Run, ports: tuple[Path, P
     assert summary["reached"]
     assert abs(summary["pose"]["x_m"] - 0.8) <= 0.11
     assert (out / "map.pgm").exists()
+
+
+def test_parameters_are_set_and_saved(thumper: Run, ports: tuple[Path, Path]) -> None:
+    board = ("--board", ports[0])
+    shown = thumper("parameters", *board)
+    assert shown.returncode == 0, shown.stderr
+    assert re.search(r"kp .* 6\.1 ", shown.stdout)
+    assert "saved" not in shown.stdout
+    done = thumper("parameters", *board, "kp=7.5", "ks=0")
+    assert "saved on the board: kp, ks" in done.stdout, done.stderr
+    with closing(Board.open(str(ports[0]), baud=500_000)) as robot:
+        robot.set_parameter("kp", 1.0)
+        robot.command(Command.LOAD)
+        assert robot.get_parameter("kp") == pytest.approx(7.5, abs=0.01)
+    for wrong, line in {
+        "kp": "'kp' sets no parameter; pass NAME=VALUE",
+        "kq=1": "unknown parameter 'kq'",
+        "kp=900": "kp = 900.0 is refused; choose 0...60",
+    }.items():
+        refused = thumper("parameters", *board, "ks=3", wrong)
+        assert line in refused.stderr
+        assert refused.returncode == 2
+    assert re.search(r"ks .* 0 ", thumper("parameters", *board).stdout), "all or none"
 
 
 def test_interrupt_stops_the_motors_first(ports: tuple[Path, Path], tmp_path: Path) -> None:

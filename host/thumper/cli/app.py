@@ -21,6 +21,7 @@ from thumper.cli.foxglove import foxglove
 from thumper.cli.goto import goto, stop
 from thumper.cli.map_log import map_log
 from thumper.cli.mode import mode
+from thumper.cli.parameters import parameters
 from thumper.cli.plan import plan
 from thumper.cli.record import record
 from thumper.cli.recordings import export, recover
@@ -64,11 +65,12 @@ COMMANDS = {  # plugins of other packages add more
         setup,
         doctor,
         flash,
+        parameters,
     )
 }
 PANELS = {  # the order of `thumper --help`
     "Try it without hardware": ("demo", "sim"),
-    "Set up a robot": ("setup", "doctor", "flash", "tune", "calibrate", "bus"),
+    "Set up a robot": ("setup", "doctor", "flash", "tune", "parameters", "calibrate", "bus"),
     "Drive": ("run", "explore", "dock", "goto", "stop", "teleop", "mode", "save"),
     "Watch and connect": ("status", "watch", "dashboard", "ros", "foxglove"),
     "Recordings": ("record", "replay", "export", "recover"),

@@ -34,6 +34,7 @@ COMMANDS = {
     "plan": ["--start", "--goal"],
     "edit": ["--rotate", "--free", "--crop", "--out"],
     "flash": ["--board", "--model"],
+    "parameters": ["--board", "--config"],
     "setup": ["--config", "--bus", "--port"],
     "dashboard": ["--host", "--port", "--make-certificate"],
     "record": ["--out", "--seconds"],

@@ -6,7 +6,7 @@ from typing import Any
 from thumper.board.board import Board
 from thumper.board.messages import PARAMETERS, Command
 from thumper.board.parameters import parameter_named
-from thumper.common.errors import ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.texts import choice_hint
 from thumper.ros.services import Empty, ParameterSchema, ParameterValues
 from thumper.runtime.service.board_jobs import BoardJob
@@ -62,11 +62,14 @@ def change(board: Board, content: Mapping[str, Any]) -> ParameterJob:
     for name, value in content.items():
         spec = specs.get(name)
         if spec is None:
-            raise ThumperError(f"unknown parameter {name!r}; {choice_hint(name, specs)}")
+            raise ThumperError(
+                f"unknown parameter {name!r}; {choice_hint(name, specs)}", exit_code=EXIT_USAGE
+            )
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if not number or not spec.minimum <= value <= spec.maximum:
             raise ThumperError(
-                f"{name} = {value!r} is refused; choose {spec.minimum:g}...{spec.maximum:g} {spec.unit}"
+                f"{name} = {value!r} is refused; choose {spec.minimum:g}...{spec.maximum:g} {spec.unit}",
+                exit_code=EXIT_USAGE,
             )
     for name, value in sorted(content.items(), key=lambda item: specs[item[0]].index, reverse=True):
         board.set_parameter(name, float(value))
