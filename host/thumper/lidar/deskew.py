@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ RELIABLE_SHARE = 0.98  # of the sensor's range
 KindArray = NDArray[np.uint8]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ScanPoints:
     """One row per beam, in the base frame at the time of beam 0."""
 
@@ -26,9 +27,10 @@ class ScanPoints:
     ends_m: FloatArray  # end of the beam, shape (n, 2)
     kinds: KindArray  # INVALID, HIT or MISS, shape (n,)
 
+    @cached_property
     def hits_m(self) -> FloatArray:
-        """Return the end points of the beams that hit something, shape (m, 2)."""
-        return np.ascontiguousarray(self.ends_m[self.kinds == HIT])
+        """The end points of the beams that hit something, shape (m, 2)."""
+        return np.ascontiguousarray(self.ends_m.compress(self.kinds == HIT, axis=0))
 
     def length_m(self) -> float:
         """Return the length of all valid beams together."""

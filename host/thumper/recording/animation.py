@@ -99,7 +99,7 @@ def _moments(recording: Recording, base_from_laser: Pose2) -> Iterator[_Moment]:
             elif topic == "scan" and now.pose is not None:
                 scan = from_ros.scan_of(message)
                 points = scan_points(scan, Twist2(), base_from_laser, scan.range_max_m)
-                now = replace(now, echoes_m=now.pose.apply(points.hits_m()))
+                now = replace(now, echoes_m=now.pose.apply(points.hits_m))
             elif topic == "pose":
                 pose = from_ros.pose_of(message.pose.pose)
                 now = replace(now, time_s=recorded.log_ns / 1e9, pose=pose)

@@ -331,4 +331,4 @@ class StateEstimator:
         self._scan_time_s = scan.time_s + revolution_s
         points = scan_points(scan, twist, self._base_from_laser, scan.range_max_m)
         self._map_from_scan_base = self.map_from_odom @ odom_from_base
-        self._hits_in_map_m = self._map_from_scan_base.apply(points.hits_m())
+        self._hits_in_map_m = self._map_from_scan_base.apply(points.hits_m)

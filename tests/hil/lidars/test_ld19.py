@@ -108,7 +108,7 @@ def test_deskewing_works_for_a_clockwise_lidar() -> None:
 
     def wall_error_m(rate_rad_s: float) -> float:
         mount = Pose2(x_m=MOUNT.x_m, theta_rad=port.lidar._angle_error_rad)
-        points = scan_points(scan, Twist2(w_rad_s=rate_rad_s), mount, 12.0).hits_m()
+        points = scan_points(scan, Twist2(w_rad_s=rate_rad_s), mount, 12.0).hits_m
         ends_m = base.apply(points)
         outline = np.array([[0.0, 0.0], [1e-4, 0.0], [0.0, 1e-4], [1e-4, 1e-4]])
         near = [ROOM.clearance_m(Pose2(x_m=x, y_m=y), outline) for x, y in ends_m[::5]]

@@ -47,6 +47,7 @@ class GridMapper:
         self._inserted_at: Pose2 | None = None  # pose of the newest inserted scan
         self._path = array("d")  # x, y, theta of each scan in turn, compact: a robot runs for days
         self._covariance = PoseCovariance(self._options.confidence)
+        self.points: ScanPoints | None = None  # of the newest scan
         self._kidnap = KidnapDetector(self._options.integrate_distance_m, self._options.integrate_angle_rad)
         self._slide = SlideDetector(self._options.confidence.lost_beyond_m)
         self.hit_grid = HitGrid(
@@ -120,8 +121,8 @@ class GridMapper:
         scratch.update(Pose2(), scan, Twist2())  # the first scan has no map to match
         points = scan_points(scan, Twist2(), Pose2(), self._options.usable_range_m)
         matcher = scratch._matcher()
-        matcher.search_window(points.hits_m(), Pose2())
-        matcher.search_headings(points.hits_m(), Pose2(), 1.0, 1.0)
+        matcher.search_window(points.hits_m, Pose2())
+        matcher.search_headings(points.hits_m, Pose2(), 1.0, 1.0)
         matcher.evidence(points, Pose2())
         options = self._options
         HitGrid.from_counts(
@@ -137,7 +138,7 @@ class GridMapper:
         A scan with too few usable beams moves the pose by odometry alone and does not change the map.
         """
         points = scan_points(scan, twist, self._base_from_laser, self._options.usable_range_m)
-        hits_m = points.hits_m()
+        self.points, hits_m = points, points.hits_m
         predicted, moved = self._predict(odom_from_base)
         match, consistent, usable = Match(pose=predicted), True, hits_m.shape[0] >= MIN_HITS
         if usable and self._inserted_at is not None:

@@ -61,7 +61,7 @@ class GridMatcher:
 
     def match(self, points: ScanPoints, prediction: Prediction) -> Match:
         """Return the best match near the prediction."""
-        hits_m = points.hits_m()
+        hits_m = points.hits_m
         best = self.refine(hits_m, prediction.pose, prediction.information)
         if best.score < SEARCH_BELOW:
             # Beams into an area that is not mapped yet pull at the pose. Reduce their weight.
@@ -109,6 +109,8 @@ class GridMatcher:
         """
         window_rad = 2.0 * self.options.matching.slip_per_rad * prediction.turn_rad
         window_rad = min(window_rad, SEARCH_SIGMAS * prediction.turn_std_rad)
+        if window_rad * np.abs(hits_m).max() * math.sqrt(2.0) <= self.options.reach_m:
+            return None  # whatever the quartile is
         range_m = upper_quartile(np.hypot(hits_m[:, 0], hits_m[:, 1]))
         if window_rad * range_m <= self.options.reach_m:
             return None

@@ -51,7 +51,7 @@ class ScanLikelihood:
     ) -> "ScanLikelihood":
         """Return the de-skewed scan, thinned to about `MAX_BEAMS` hits."""
         points = scan_points(scan, twist, base_from_laser, options.usable_range_m)
-        hits_m, origins_m = points.hits_m(), points.origins_m[points.kinds == HIT]
+        hits_m, origins_m = points.hits_m, points.origins_m[points.kinds == HIT]
         thinned = slice(None, None, max(1, len(hits_m) // MAX_BEAMS))
         hits_m, origins_m = np.ascontiguousarray(hits_m[thinned]), np.ascontiguousarray(origins_m[thinned])
         return cls(origins_m, hits_m, field, options)

@@ -120,7 +120,7 @@ class RbpfMapper:
         )
         scratch.update(Pose2(), scan, Twist2())
         scratch.update(Pose2(theta_rad=3.0), scan, Twist2())
-        hits_m = scan_points(scan, Twist2(), Pose2(), 5.0).hits_m()
+        hits_m = scan_points(scan, Twist2(), Pose2(), 5.0).hits_m
         scratch._matcher.search_window(hits_m, scratch._poses, 0)
         scratch._resample()
         scratch.grid()
@@ -133,7 +133,7 @@ class RbpfMapper:
         A scan with too few usable beams moves the pose by odometry alone and does not change the maps.
         """
         points = scan_points(scan, twist, self._base_from_laser, self._options.usable_range_m)
-        hits_m = points.hits_m()
+        hits_m = points.hits_m
         moved = Pose2() if self._odom_from_base is None else self._odom_from_base.inverse() @ odom_from_base
         usable = hits_m.shape[0] >= MIN_HITS
         if not self._trajectories.steps:

@@ -6,12 +6,10 @@ has located the new one on it. So drift stays visible as drift, and no scan is t
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
-from thumper.lidar.deskew import scan_points
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -131,20 +129,23 @@ class GraphMapper:
         """Process one scan; see `Mapper.update`."""
         loops_before, driven_before_m = self.loops_closed, self.submaps.driven_m
         update = self._front_end.update(odom_from_base, scan, twist, turn_std_rad=turn_std_rad)
-        if self._add_node(update, scan, twist):
+        if self._add_node(update):
             self._on_submap_finished()
         parts = round((self.submaps.driven_m - driven_before_m) / PART_EVERY_M)
         urgent = self._graph_from_front_end != Pose2() or self._widens
         self._run_parts(URGENT_PARTS if urgent else max(1, min(MAX_PARTS, parts)))
         # By now a loop may be closed, or the front end may work in another map.
         pose = self._graph_from_front_end @ self._front_end.map_from_base
-        return replace(update, map_from_base=pose, jumped=self.loops_closed > loops_before)
+        return MapperUpdate(
+            map_from_base=pose,
+            match_score=update.match_score,
+            integrated=update.integrated,
+            jumped=self.loops_closed > loops_before,
+        )
 
-    def _add_node(self, update: MapperUpdate, scan: Scan, twist: Twist2) -> bool:
+    def _add_node(self, update: MapperUpdate) -> bool:
         """Add the scan to the graph; return whether a submap was finished in an up-to-date map."""
-        points = None
-        if update.integrated:
-            points = scan_points(scan, twist, self._base_from_laser, self._options.usable_range_m)
+        points = self._front_end.points if update.integrated else None
         started = self.submaps.add(self._graph_from_front_end @ update.map_from_base, points)
         if update.integrated:
             self._active.add(self.submaps.newest)

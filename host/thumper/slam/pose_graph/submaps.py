@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.lidar.deskew import HIT, INVALID, KindArray, ScanPoints
+from thumper.lidar.deskew import ScanPoints
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.pose_arrays import compose_rows
+from thumper.slam.pose_graph.kept_scan import NodeScan, keep_scan
 from thumper.slam.pose_graph.optimizer import Edge
 from thumper.slam.scan_matching.degeneracy import weakest_direction
 from thumper.slam.scan_matching.pose_covariance import ERROR_PER_M
@@ -30,26 +31,6 @@ OVERLAP_SUBMAPS = 4  # before and after an old submap, whose walls are compared 
 NEW_HITS, OLD_HITS, HITS_PER_SCAN = 300, 2000, 50  # compared
 SAME_WALL_M, COMPARED_M = 0.15, 1.0  # hits about this close are the same wall; are compared
 MAX_KEPT_SCANS = 16_000  # about 100 MB with a lidar of 400 beams, and a path of more than a kilometre
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NodeScan:
-    """An inserted scan, in single precision: a long drive keeps thousands."""
-
-    submap: int
-    submap_from_base: Pose2
-    origins_m: NDArray[np.float32]  # shape (n, 2), or (1, 2) if the robot was stationary during the scan
-    ends_m: NDArray[np.float32]
-    kinds: KindArray
-
-    def points(self, range_m: float = math.inf) -> ScanPoints:
-        """Return the valid beams; those longer than `range_m` are invalid."""
-        origins_m = np.broadcast_to(self.origins_m, self.ends_m.shape).astype(np.float64, order="C")
-        kinds = self.kinds
-        if range_m < math.inf:
-            along_m = self.ends_m - self.origins_m
-            kinds = np.where(np.hypot(along_m[:, 0], along_m[:, 1]) <= range_m, kinds, np.uint8(INVALID))
-        return ScanPoints(origins_m=origins_m, ends_m=self.ends_m.astype(np.float64, order="C"), kinds=kinds)
 
 
 @dataclass(slots=True)
@@ -113,27 +94,15 @@ class SubmapGraph:
 
     def _add_slack(self, submap_from_base: Pose2, points: ScanPoints) -> None:
         """Add the error of the way since the last kept scan along the weakest direction of this one."""
-        x, y, share = weakest_direction(points.hits_m())
-        std_m = ERROR_PER_M * self._since_kept_m * max(0.0, 1.0 - share / FREE_SHARE)
-        cos, sin = math.cos(submap_from_base.theta_rad), math.sin(submap_from_base.theta_rad)
-        direction = np.array([cos * x - sin * y, sin * x + cos * y])
-        self._slack_m[-1] += std_m * np.outer(direction, direction)
-        self._since_kept_m = 0.0
+        x, y, share = weakest_direction(points.hits_m)
+        std_m, self._since_kept_m = ERROR_PER_M * self._since_kept_m * max(0.0, 1.0 - share / FREE_SHARE), 0.0
+        if std_m > 0.0:
+            cos, sin = math.cos(submap_from_base.theta_rad), math.sin(submap_from_base.theta_rad)
+            direction = np.array([cos * x - sin * y, sin * x + cos * y])
+            self._slack_m[-1] += std_m * np.outer(direction, direction)
 
     def _keep_scan(self, submap_from_base: Pose2, points: ScanPoints) -> None:
-        valid = points.kinds != INVALID
-        box_m, ends_m = self._boxes_m[-1], submap_from_base.apply(points.ends_m[valid])
-        box_m[0] = np.minimum(box_m[0], ends_m.min(axis=0, initial=0.0))
-        box_m[1] = np.maximum(box_m[1], ends_m.max(axis=0, initial=0.0))
-        self.scans.append(
-            NodeScan(
-                submap=self.newest,
-                submap_from_base=submap_from_base,
-                origins_m=_compact(points.origins_m[valid].astype(np.float32)),
-                ends_m=points.ends_m[valid].astype(np.float32),
-                kinds=points.kinds[valid],
-            )
-        )
+        self.scans.append(keep_scan(self.newest, submap_from_base, points, self._boxes_m[-1]))
         self._kept_scans += 1
         if self._kept_scans > MAX_KEPT_SCANS:
             self._thin_out()
@@ -175,16 +144,13 @@ class SubmapGraph:
         submap = self.newest - 1
         if submap < 1:
             return
-        here = self.pose(submap)
         old = [s for s in near if s < submap and self.path_length_m(s, submap) > 4.0 * SUBMAP_LENGTH_M]
         if not old:
             return
-        nearest = min(old, key=lambda s: self.pose(s).distance_m(here))
-        if (
-            self.pose(nearest).distance_m(here) < NEIGHBOUR_DISTANCE_M
-            and self.agreement(nearest, submap) >= accept_score
-        ):
-            self.connect(nearest, submap, self.pose(nearest).inverse() @ here, loop=True)
+        apart_m = np.hypot(*(self.poses[old, :2] - self.poses[submap, :2]).T)
+        nearest = old[int(np.argmin(apart_m))]
+        if apart_m.min() < NEIGHBOUR_DISTANCE_M and self.agreement(nearest, submap) >= accept_score:
+            self.connect(nearest, submap, self.pose(nearest).inverse() @ self.pose(submap), loop=True)
 
     def agreement(self, old: int, new: int) -> float:
         """Return which share of the new submap's walls lies on those seen from around the old one.
@@ -201,9 +167,8 @@ class SubmapGraph:
         chosen = scans[:: math.ceil(len(scans) * HITS_PER_SCAN / count)] if scans else []
         parts = [np.zeros((0, 2))]
         for scan in chosen:
-            ends_m = scan.ends_m[scan.kinds == HIT].astype(np.float64)
-            thinned_m = ends_m[:: max(1, len(ends_m) * len(chosen) // count)]
-            parts.append((self.pose(scan.submap) @ scan.submap_from_base).apply(thinned_m))
+            map_from_base = self.pose(scan.submap) @ scan.submap_from_base
+            parts.append(scan.thinned_hits_m(map_from_base, count / len(chosen)))
         return np.concatenate(parts)
 
     def within(self, distance_m: float) -> dict[int, float]:
@@ -298,17 +263,16 @@ def agreement(new_m: FloatArray, old_m: FloatArray) -> float:
 
 def _is_near(points_m: FloatArray, others_m: FloatArray, size_m: float) -> NDArray[np.bool_]:
     """Return which points have another point in their cell of this size, or in one next to it."""
+    if not len(others_m):
+        return np.zeros(len(points_m), np.bool_)
     cells, others = (np.floor(each_m / size_m).astype(np.int64) for each_m in (points_m, others_m))
-    around = np.stack(np.meshgrid((-1, 0, 1), (-1, 0, 1)), axis=-1).reshape(-1, 2)
-    keys = (cells[:, np.newaxis] + around) @ (1 << 32, 1)
-    return np.asarray(np.isin(keys, others @ (1 << 32, 1)).any(axis=1))
+    keys = np.sort(others @ (1 << 32, 1))  # three neighbours in one column follow each other
+    lowest = (cells[:, np.newaxis] + ((-1, -1), (0, -1), (1, -1))) @ (1 << 32, 1)
+    found = np.searchsorted(keys, lowest).clip(max=len(keys) - 1)
+    between = (keys[found] >= lowest) & (keys[found] <= lowest + 2)
+    return np.asarray(between.any(axis=1))
 
 
 def _pose(row: FloatArray) -> Pose2:
-    x_m, y_m, theta_rad = (float(value) for value in row)
+    x_m, y_m, theta_rad = row.tolist()
     return Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
-
-
-def _compact(origins_m: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return one row if all rows are equal, else all rows."""
-    return origins_m[:1].copy() if (origins_m == origins_m[:1]).all() else origins_m

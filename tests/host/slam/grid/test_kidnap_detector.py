@@ -118,7 +118,7 @@ def test_shared_view_separates_a_step_from_another_place() -> None:
     start, step = ELSEWHERE[0], Pose2(x_m=0.2, theta_rad=0.3)
     scans = (start, start @ step, ELSEWHERE[1])
     before_m, after_m, other_m = (
-        scan_points(room_scan(pose, walls=ROOM), STILL, Pose2(), 80.0).hits_m() for pose in scans
+        scan_points(room_scan(pose, walls=ROOM), STILL, Pose2(), 80.0).hits_m for pose in scans
     )
     assert shared_view(before_m, after_m, step) > 0.7
     assert shared_view(before_m, other_m, Pose2()) < SAME_VIEW

@@ -82,7 +82,7 @@ def test_given_place_is_rejected_only_if_scans_do_not_fit() -> None:
 def fit(grid: OccupancyGrid, pose: Pose2, walls: FloatArray = ROOM) -> float:
     """Return the fit of the scan taken at HERE."""
     points = scan_points(room_scan(HERE, walls=walls), Twist2(), Pose2(), 30.0)
-    hits_m = points.hits_m()
+    hits_m = points.hits_m
     return ScanLikelihood(np.zeros_like(hits_m), hits_m, LikelihoodField(grid), AmclOptions()).fit(pose)
 
 

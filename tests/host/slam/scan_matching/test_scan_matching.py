@@ -39,7 +39,7 @@ def room_grid() -> HitGrid:
 
 
 GRID = room_grid()
-HITS_M = scan_points(room_scan(TRUTH), Twist2(), Pose2(), 10.0).hits_m()
+HITS_M = scan_points(room_scan(TRUTH), Twist2(), Pose2(), 10.0).hits_m
 
 
 def to_corner(pose: Pose2) -> FloatArray:
@@ -81,7 +81,7 @@ def test_prior_decides_along_a_bare_corridor() -> None:
     x_m, y_m = grid.corner_m
     predicted = np.array([0.3 - x_m, 0.1 - y_m, 0.05])
     found = match(
-        points.hits_m()[np.abs(points.hits_m()[:, 0]) < 3.0],
+        points.hits_m[np.abs(points.hits_m[:, 0]) < 3.0],
         predicted,
         PosePrior(predicted, np.eye(3) / 0.05**2),
         grid.field,
@@ -208,5 +208,5 @@ def test_deskew_keeps_a_wall_straight_for_a_turning_robot() -> None:
         time_increment_s=increment_s,
         range_max_m=30.0,
     )
-    assert scan_points(scan, twist, mount, 10.0).hits_m()[:, 0] == pytest.approx(np.full(100, 2.0), abs=1e-9)
-    assert np.ptp(scan_points(scan, Twist2(), mount, 10.0).hits_m()[:, 0]) > 0.1
+    assert scan_points(scan, twist, mount, 10.0).hits_m[:, 0] == pytest.approx(np.full(100, 2.0), abs=1e-9)
+    assert np.ptp(scan_points(scan, Twist2(), mount, 10.0).hits_m[:, 0]) > 0.1
