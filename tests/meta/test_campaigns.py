@@ -18,4 +18,4 @@ def test_sample_campaign_has_all_its_jobs(file: Path) -> None:
     campaign = load_campaign(file)
     jobs = expand_jobs(campaign, FOLDER)
     assert len(jobs) == campaign.seeds.count * len(campaign.missions) * len(campaign.parameters)
-    assert len({(job.robot_json, job.scenario) for job in jobs}) == len(campaign.parameters)
+    assert len({(job.robot_json, job.scenario, job.preset) for job in jobs}) == len(campaign.parameters)

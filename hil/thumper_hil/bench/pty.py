@@ -70,7 +70,9 @@ def serve(board_pty: Path, lidar_pty: Path, options: Mapping[str, str]) -> None:
                 from_device=lambda: bench.sensor_read("lidar", CHUNK_BYTES),
             ),
         )
-        print(f"board {board_pty}, lidar {lidar_pty}. Press Ctrl-C to stop.", flush=True)
+        print(
+            f"board {board_pty}, lidar {lidar_pty}, preset {parsed.preset}. Press Ctrl-C to stop.", flush=True
+        )
         try:
             _transfer(bench, lines, reset_on_open=parsed.reset_on_open)
         except KeyboardInterrupt:

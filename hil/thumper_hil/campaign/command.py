@@ -67,9 +67,10 @@ def campaign(
     if find_spec("pyarrow") is not None:
         files.append(write_parquet(out / "rows.parquet", rows).name)
     summaries = summarise(rows, plan.show)
-    write_text(out / "summary.md", markdown(summaries))
+    table = markdown(summaries, {one.name: one.preset for one in plan.parameters})
+    write_text(out / "summary.md", table)
     draw(out / "summary.png", rows, summaries)
-    console.print(markdown(summaries), highlight=False, markup=False, soft_wrap=True)
+    console.print(table, highlight=False, markup=False, soft_wrap=True)
     console.print(f"in {out}/: {', '.join(files)}", highlight=False)
     if not all(map(succeeded, rows)):
         raise typer.Exit(1)

@@ -1,7 +1,7 @@
 """Summarize rows with confidence intervals, per mission and parameter set. Pure functions."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,14 +82,17 @@ def mean_interval(values: Sequence[float]) -> Interval:
     return Interval(value=mean, low=float(found.low), high=float(found.high))
 
 
-def markdown(summaries: Sequence[Summary]) -> str:
-    """Return a table with one line per summary; there must be at least one."""
-    headings = ["mission", "parameters", "runs", "success", "contacts"]
+def markdown(summaries: Sequence[Summary], presets: Mapping[str, str]) -> str:
+    """Return a table with one line per summary; there must be at least one.
+
+    `presets` has the simulated robot's preset of each parameter set.
+    """
+    headings = ["mission", "parameters", "preset", "runs", "success", "contacts"]
     headings += [MEASURES[name] for name in summaries[0].means]
     lines = [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|"]
     for s in summaries:
         share = f"{s.success.value:.0%} ({s.success.low:.0%} ... {s.success.high:.0%})"
-        cells = [s.mission, s.parameters, str(s.runs), share, str(s.contacts)]
+        cells = [s.mission, s.parameters, presets[s.parameters], str(s.runs), share, str(s.contacts)]
         cells += [_cell(mean) for mean in s.means.values()]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(

@@ -1,12 +1,15 @@
 """Success rates, means and their confidence intervals."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.hil.campaign.samples import row
 from thumper_hil.campaign.summary import markdown, mean_interval, summarise, wilson
+
+PRESETS = {"p": "nominal", "hard": "hard"}
 
 
 def test_intervals_have_their_nominal_coverage() -> None:
@@ -32,8 +35,16 @@ def test_drive_with_a_contact_is_not_a_success() -> None:
 def test_means_exclude_drives_that_missed_the_goal() -> None:
     rows = [row("a"), row("b", reached=False, time_s=99.0)]
     assert summarise(rows, ["time_s"])[0].means["time_s"].value == pytest.approx(0.25)
-    assert "reached their goal" in markdown(summarise(rows, ["time_s"]))
+    assert "reached their goal" in markdown(summarise(rows, ["time_s"]), PRESETS)
 
 
 def test_missing_mean_is_printed_as_a_dash() -> None:
-    assert markdown(summarise([row("b", reached=False)], ["time_s"])).splitlines()[2].endswith("| - |")
+    assert (
+        markdown(summarise([row("b", reached=False)], ["time_s"]), PRESETS).splitlines()[2].endswith("| - |")
+    )
+
+
+def test_table_says_which_preset_was_driven() -> None:
+    easy, hard = row("a"), replace(row("b"), parameters="hard")
+    lines = markdown(summarise([easy, hard], ["time_s"]), PRESETS).splitlines()
+    assert [line.split(" | ")[1:3] for line in lines[2:4]] == [["p", "nominal"], ["hard", "hard"]]
