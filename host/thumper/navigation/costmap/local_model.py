@@ -19,10 +19,11 @@ from thumper.navigation.costmap.unseen_ground import UnseenGround
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.state import CycleInput
 
-# The map has jumped if it moved against the odometry by more than this between two cycles. Less is a
-# correction of the odometry: wheels slip, and the surroundings stay where they are.
-JUMP_M, JUMP_RAD = 0.10, 0.10
-DRIFT_M_S, DRIFT_RAD_S = 0.02, 0.02  # allowed in addition while no cycle ran
+# The map has jumped if it moved against the odometry by more than this, and more than the odometry has moved
+# meanwhile. Less may be a correction of the odometry: wheels slip, and the surroundings stay where they are.
+# A stationary robot has not slipped: small corrections add up to a jump.
+JUMP_M, JUMP_RAD = 0.03, 0.03
+REFERENCE_M, REFERENCE_RAD = 0.1, 0.1  # a robot that has moved this far compares with its new place
 
 
 class ObstaclePoints(NamedTuple):
@@ -62,7 +63,7 @@ class LocalModel:
         self._control_memory = ObstacleMemory(memory, memory.radius_m, view, radius_m)
         self._planning_memory = ObstacleMemory(memory, memory.planning_radius_m, view, radius_m)
         self._unseen = UnseenGround(footprint, view)
-        self._last: CycleInput | None = None
+        self._reference: CycleInput | None = None  # see `_follow_map`
         self.jumped = False  # the map has jumped in this cycle
         self.costmap: Costmap | None = None  # of the newest cycle, for planning
         self.local_costmap: Costmap | None = None  # finer, round the robot, for the controllers
@@ -130,16 +131,20 @@ class LocalModel:
 
     def _follow_map(self, cycle: CycleInput) -> None:
         """Move all that is remembered with the map if that has jumped."""
-        last, self._last = self._last, cycle
         self.jumped = False
+        last = self._reference
         if last is None:
+            self._reference = cycle
             return
         new_from_old = cycle.map_from_odom @ last.map_from_odom.inverse()
         here = new_from_old @ last.map_from_base
-        moved_m = here.distance_m(last.map_from_base)
-        turned_rad = abs(math.remainder(new_from_old.theta_rad, math.tau))
-        idle_s = max(0.0, cycle.time_s - last.time_s)
-        self.jumped = moved_m > JUMP_M + DRIFT_M_S * idle_s or turned_rad > JUMP_RAD + DRIFT_RAD_S * idle_s
+        corrected_m = here.distance_m(last.map_from_base)
+        corrected_rad = abs(math.remainder(new_from_old.theta_rad, math.tau))
+        moved = here.inverse() @ cycle.map_from_base  # by odometry
+        moved_m, moved_rad = math.hypot(moved.x_m, moved.y_m), abs(math.remainder(moved.theta_rad, math.tau))
+        self.jumped = corrected_m > JUMP_M + moved_m or corrected_rad > JUMP_RAD + moved_rad
         if self.jumped:
             for remembered in (self._control_memory, self._planning_memory, self._unseen):
                 remembered.move(new_from_old)
+        if self.jumped or moved_m > REFERENCE_M or moved_rad > REFERENCE_RAD:
+            self._reference = cycle

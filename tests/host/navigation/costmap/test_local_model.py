@@ -34,19 +34,46 @@ def cycle(time_s: float, base: Pose2, hits_m: FloatArray, map_from_odom: Pose2) 
 
 
 @pytest.mark.parametrize(
-    ("correction", "follows"),
-    [(Pose2(y_m=0.4), True), (Pose2(theta_rad=0.3), True), (Pose2(y_m=0.05), False)],
-    ids=["0.4 m", "0.3 rad", "slip of 0.05 m"],
+    ("correction", "steps", "driven_m", "follows"),
+    [
+        (Pose2(y_m=0.4), 1, 0.0, True),
+        (Pose2(theta_rad=0.3), 1, 0.0, True),
+        (Pose2(y_m=0.4), 5, 0.0, True),
+        (Pose2(y_m=0.4), 20, 0.0, True),
+        (Pose2(y_m=0.4), 5, 0.02, True),
+        (Pose2(y_m=0.02), 1, 0.0, False),
+        (Pose2(x_m=-0.15), 5, 0.03, False),
+    ],
+    ids=[
+        "0.4 m",
+        "0.3 rad",
+        "5 steps of 8 cm",
+        "20 steps of 2 cm",
+        "5 steps of 8 cm, robot slow",
+        "pose noise",
+        "wheels that spin in place",
+    ],
 )
-def test_a_post_behind_the_robot_follows_a_jump_of_the_map(correction: Pose2, follows: bool) -> None:
+@pytest.mark.parametrize("idle_s", [0.1, 25.0])
+def test_a_post_behind_the_robot_follows_a_jump_of_the_map(
+    correction: Pose2, steps: int, driven_m: float, follows: bool, idle_s: float
+) -> None:
     """The robot sees a post, turns its back to it, and then the map moves with the robot in it."""
     model = LocalModel(CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), FieldOfView())
     model.update(cycle(0.0, AWAY, POST_IN_BASE, Pose2()))
     model.update(cycle(0.1, Pose2(), np.empty((0, 2)), Pose2()))
-    base = correction @ Pose2()
-    model.update(cycle(0.2, base, np.empty((0, 2)), correction))
-    expected_m = (base if follows else Pose2()).apply(POST_IN_BASE)
-    assert model.obstacles.points_m[: model.obstacles.seen] == pytest.approx(expected_m, abs=1e-6)
+    map_from_odom = odom_from_base = Pose2()
+    for step in range(steps):
+        part = (step + 1) / steps
+        map_from_odom = Pose2(
+            x_m=part * correction.x_m, y_m=part * correction.y_m, theta_rad=part * correction.theta_rad
+        )
+        odom_from_base = odom_from_base @ Pose2(x_m=driven_m)
+        base = map_from_odom @ odom_from_base
+        model.update(cycle(0.1 + idle_s + 0.1 * step, base, np.empty((0, 2)), map_from_odom))
+    expected_m = (map_from_odom if follows else Pose2()).apply(POST_IN_BASE)
+    kept_m = model.obstacles.points_m[: model.obstacles.seen]
+    assert kept_m == pytest.approx(expected_m, abs=0.03 if follows else 1e-6)
 
 
 def test_mixed_pixels_do_not_close_the_way_for_the_planner() -> None:
