@@ -67,9 +67,11 @@ class PathManager:
         self._inscribed_m = footprint.inscribed_radius_m
         self._circumscribed_m = footprint.circumscribed_radius_m
         self.path_m: FloatArray | None = None  # shape (n, 2)
-        self.reason = ""  # why there is no path, or where it ends if not at the goal
+        # Why there is no path, or where it ends if not at the goal. After `clear`, why there was none.
+        self.reason = ""
         self.keeps = True  # a path for some time; False: something moves, a clearly cheaper path replaces it
         self._search = SlicedSearch[PlanResult]()  # of a new path; takes several cycles in a large map
+        self._is_searched = False  # since it was cleared: `reason` is that of now
         self._planned_s = self._valid_s = self._open_s = -math.inf
         self._cheaper_count = 0  # searches in a row that found a clearly cheaper path
         self._side_changes = 0  # on the way to this goal
@@ -77,11 +79,13 @@ class PathManager:
     def start_goal(self) -> None:
         """Forget the path to the last goal, and how often it changed."""
         self.clear()
-        self._side_changes = 0
+        self.reason, self._side_changes = "", 0
 
     def clear(self) -> None:
-        """Forget the path; the next `update` plans."""
-        self.path_m, self.reason = None, ""
+        """Forget the path, but not why there was none; the next `update` plans."""
+        if self.path_m is not None:
+            self.reason = ""
+        self.path_m, self._is_searched = None, False
         self._planned_s = self._valid_s = self._open_s = -math.inf
         self._cheaper_count = 0
         self._search.stop()
@@ -114,7 +118,7 @@ class PathManager:
         if result.path_m is None:
             self._cheaper_count = 0
             if invalid and time_s - self._valid_s > BLOCKED_GRACE_S:
-                self.path_m, self.reason = None, result.reason
+                self.path_m, self.reason, self._is_searched = None, result.reason, True
             return
         new_m = result.path_m
         if goes_on:  # the world has changed since the search began
@@ -132,7 +136,7 @@ class PathManager:
         if is_taken:
             if self.path_m is not None and not is_same_side(new_m, self._joined(map_from_base), costmap):
                 self._side_changes += 1
-            self.path_m, self.reason = new_m, result.reason
+            self.path_m, self.reason, self._is_searched = new_m, result.reason, True
             self._valid_s = self._open_s = time_s
             self._cheaper_count = 0
 
@@ -205,8 +209,8 @@ class PathManager:
 
     @property
     def is_first_search(self) -> bool:
-        """Whether the first search for a path goes on: there is none yet, and no reason why."""
-        return self.path_m is None and not self.reason and self._search.is_running
+        """Whether the first search for a path goes on: there is none yet, and none is known to be missing."""
+        return self.path_m is None and not self._is_searched and self._search.is_running
 
     def _can_turn_to(self, path_m: FloatArray, costmap: Costmap, base: Pose2) -> bool:
         """Return whether a path, shape (n, 2), begins ahead, or the robot has room to turn on the spot."""

@@ -94,6 +94,21 @@ def test_a_path_that_was_blocked_while_the_search_went_on_is_searched_again() ->
     assert "shut off" in manager.reason
 
 
+def test_why_there_is_no_path_is_known_while_it_is_searched_again() -> None:
+    """After a recovery: a drive that is given up meanwhile must say that the goal is shut off."""
+    costmap, manager = hall(shut=True), PathManager(AStarPlanner(OPTIONS), ReplanningOptions(), Footprint())
+    cycle = 0
+    while not manager.reason:
+        manager.update(0.1 * cycle, costmap, START, GOAL)
+        cycle += 1
+    manager.clear()
+    manager.update(0.1 * cycle, costmap, START, GOAL)
+    assert manager.is_first_search
+    assert "shut off" in manager.reason
+    manager.start_goal()
+    assert not manager.reason
+
+
 def test_places_within_a_tolerance_are_bounded() -> None:
     assert len(_places_m(0.05, Goal(x_m=0.0, y_m=0.0, tolerance_m=0.3))) > 100
     assert len(_places_m(0.05, Goal(x_m=0.0, y_m=0.0, tolerance_m=5.0))) <= NEAREST_PLACES + OTHER_PLACES + 1
