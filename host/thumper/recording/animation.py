@@ -16,7 +16,7 @@ from thumper.common.files import write_whole
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import scan_points
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.maps.plot import BLUE, GREEN, ORANGE, UNKNOWN_COLOUR, draw_grid
+from thumper.maps.plot import BLUE, ORANGE, RED, UNKNOWN_COLOUR, draw_grid
 from thumper.recording.export import last_map
 from thumper.recording.reader import Recording
 from thumper.ros import from_ros
@@ -126,8 +126,8 @@ class _Picture:
         if moment.grid is not None:
             draw_grid(axes, moment.grid)
         axes.plot(*driven_m.T, color=BLUE, linewidth=1.6, alpha=0.6)
-        axes.plot(*moment.plan_m.T, "--", color=GREEN, linewidth=1.6)
-        axes.plot(*moment.echoes_m.T, ".", color=ORANGE, markersize=2.5)
+        axes.plot(*moment.plan_m.T, "--", color=ORANGE, linewidth=1.6)
+        axes.plot(*moment.echoes_m.T, ".", color=RED, markersize=2.5)
         if moment.pose is not None:
             axes.add_patch(Polygon(moment.pose.apply(self._outline_m), closed=True, color=BLUE, zorder=3))
         axes.text(
