@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 from thumper.board.board import Board
@@ -427,8 +428,9 @@ def geometry_of(drive: DriveOptions, identity: Identity) -> DriveOptions:
     return replace(drive, stated=GEOMETRY)
 
 
+@lru_cache
 def warm_up(config: RobotConfig) -> None:
-    """Compile the kernels, or load them from the cache."""
+    """Compile the kernels, or load them from the cache: once, though a campaign opens hundreds of robots."""
     robot_mapper(config, Pose2()).warm_up()
     MountCheck(Pose2()).warm_up()
     warm_up_navigation(config.navigation, config.footprint)
