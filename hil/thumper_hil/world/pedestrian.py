@@ -18,7 +18,7 @@ class TimedObstacle:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pedestrian:
-    """A person who walks back and forth along waypoints, shape (n, 2).
+    """A person who walks along waypoints, shape (n, 2), back and forth, or once if not `returns`.
 
     The lidar sees a circle, which stops before it walks into the robot. With a `leg_radius_m` above 0 it sees
     two legs, and the person does not stop.
@@ -29,3 +29,4 @@ class Pedestrian:
     radius_m: float
     leg_radius_m: float = 0.0
     from_s: float
+    returns: bool = True

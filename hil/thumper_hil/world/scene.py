@@ -92,6 +92,10 @@ class _Person:
         if time_s < self.walker.from_s:
             return False
         walked_m = self._walked_m + self.walker.speed_m_s * elapsed_s
+        if not self.walker.returns:
+            walked_m = min(walked_m, float(self._along_m[-1]))
+        if walked_m == self._walked_m:
+            return False
         position_m = self._position(walked_m)
         circle = np.array([[*position_m, self.walker.radius_m]])
         stops = not self.walker.leg_radius_m
@@ -105,8 +109,10 @@ class _Person:
 
     def legs_m(self) -> FloatArray:
         """Return both legs as circles, shape (2, 3)."""
-        ahead_m = self._position(self._walked_m + 0.01)
-        heading_rad = math.atan2(ahead_m[1] - self.position_m[1], ahead_m[0] - self.position_m[0])
+        arrived = not self.walker.returns and self._walked_m == self._along_m[-1]
+        here_m = self._position(self._walked_m - 0.01) if arrived else self.position_m
+        ahead_m = self.position_m if arrived else self._position(self._walked_m + 0.01)
+        heading_rad = math.atan2(ahead_m[1] - here_m[1], ahead_m[0] - here_m[0])
         return legs_m(self.position_m, heading_rad, self._walked_m, self.walker.leg_radius_m)
 
     def _position(self, walked_m: float) -> tuple[float, float]:

@@ -27,7 +27,7 @@ RECTANGLE_KEYS = frozenset({"name", "x_m", "y_m", "length_m", "width_m", "yaw_de
 PAINT_KEYS = frozenset({"colour", "height_m"})
 BOX_KEYS = RECTANGLE_KEYS | TIME_KEYS | PAINT_KEYS | {"surface"}
 CIRCLE_KEYS = frozenset({"name", "x_m", "y_m", "radius_m", "surface"}) | TIME_KEYS
-PERSON_KEYS = frozenset({"name", "waypoints_m", "speed_m_s", "radius_m", "leg_radius_m", "from_s"})
+PERSON_KEYS = frozenset({"name", "waypoints_m", "speed_m_s", "radius_m", "leg_radius_m", "from_s", "returns"})
 TABLE_KEYS = {
     "wall": WALL_KEYS,
     "box": BOX_KEYS,
@@ -269,6 +269,7 @@ def _person(where: str, table: dict[str, Any]) -> Pedestrian:
         radius_m=_positive(filled, "radius_m", where),
         leg_radius_m=leg_radius_m,
         from_s=_number(filled, "from_s", where),
+        returns=_yes_or_no(table, "returns", where, default=True),
     )
 
 
@@ -286,9 +287,7 @@ def _tables(data: dict[str, Any], kind: str) -> Iterator[tuple[str, dict[str, An
 
 def _wall_segments(where: str, wall: dict[str, Any]) -> Iterator[tuple[float, float, float, float]]:
     points = _points(where, wall, "points_m")
-    closed = wall.get("closed", False)
-    if not isinstance(closed, bool):
-        raise _BadWorldError(f"{where}closed = {closed!r}: must be true or false")
+    closed = _yes_or_no(wall, "closed", where, default=False)
     following = [*points[1:], points[0]] if closed else points[1:]
     for (x0, y0), (x1, y1) in zip(points, following, strict=False):
         yield float(x0), float(y0), float(x1), float(y1)
@@ -315,6 +314,13 @@ def _positive(table: dict[str, Any], key: str, where: str) -> float:
     value = _number(table, key, where)
     if value <= 0.0:
         raise _BadWorldError(f"{where}{key} = {value}: must be above 0")
+    return value
+
+
+def _yes_or_no(table: dict[str, Any], key: str, where: str, *, default: bool) -> bool:
+    value = table.get(key, default)
+    if not isinstance(value, bool):
+        raise _BadWorldError(f"{where}{key} = {value!r}: must be true or false")
     return value
 
 

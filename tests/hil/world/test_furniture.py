@@ -72,3 +72,23 @@ def test_people_with_legs_do_not_stop(tmp_path: Path) -> None:
     assert abs(scene.world.legs_m[:, 0].mean()) < 0.05  # it walked into the robot at the origin
     assert scene.bumps == 0
     assert scene.world.cast(-2.0, 0.1, 0.0)[0] < 2.5
+
+
+def test_a_person_who_does_not_return_stays_at_the_end_in_step(tmp_path: Path) -> None:
+    from thumper_hil.world.scene import Scene
+
+    once = (
+        "[[person]]\nwaypoints_m = [[1, 0], [1, 2]]\nleg_radius_m = 0.06\nspeed_m_s = 1.0\nreturns = false\n"
+    )
+    scene = Scene(load(tmp_path, once))
+    legs_m = []
+    for tick in range(400):
+        scene.step(0.01 * tick, 0.01, FOOTPRINT_M)
+        legs_m.append(scene.world.legs_m)
+    assert np.allclose(legs_m[-1][:, :2].mean(axis=0), (1.0, 2.0))
+    assert np.abs(np.diff(legs_m, axis=0)).max() < 0.021  # no leg jumps, at the end neither
+
+
+def test_whether_a_person_returns_is_true_or_false(tmp_path: Path) -> None:
+    with pytest.raises(ThumperError, match=r"person\[0\]\.returns = 1: must be true or false"):
+        load(tmp_path, "[[person]]\nwaypoints_m = [[1, 0], [1, 2]]\nreturns = 1\n")
