@@ -17,7 +17,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
-from thumper_hil.kinematic.closed_loop import BASE_FROM_LASER
+from thumper_hil.bench.hardware import BASE_FROM_LASER
 from thumper_hil.kinematic.world import KinematicWorld
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))

@@ -1,11 +1,11 @@
 """Drive through BARN worlds: `python benchmarks/navigation_barn.py [--controllers dwa ...] [--help]`.
 
-20 recorded worlds (with --all, three hard ones more; with --made, 20 random worlds of the same kind) x scales
-x speeds x seeds, without a map, with an exact pose and 1 cm range noise. The output has one line for all
-seeds and the reason of every failed drive. --csv writes one row per drive. A route change is a new path that
-passes some post on another side; a flip is one that returns to a side left before. The score is that of the
-challenge: success x OT / clip(time, 2 OT, 8 OT), where OT is the reference length / 2 m/s. Recorded worlds
-come from $THUMPER_DATA (default ../shared/data).
+20 recorded worlds (with --all, three hard ones more; with --made, 20 random worlds of the same kind) x
+presets x scales x speeds x seeds, without a map, in the full simulator: firmware, motors, lidar and SLAM. The
+output has one line for all seeds and the reason of every failed drive. --csv has a row per drive. A route
+change is a new path that passes some post on another side; a flip is one that returns to a side left before.
+The score is that of the challenge: success x OT / clip(time, 2 OT, 8 OT), where OT is the reference length
+divided by 2 m/s. Recorded worlds come from $THUMPER_DATA (default ../shared/data).
 """
 
 import argparse
@@ -19,10 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.navigation.navigator import NavigationState
 from thumper.navigation.options import NavigationOptions
-from thumper_hil.kinematic.barn import drive_through, random_world, recorded_world, succeeded
-from thumper_hil.kinematic.route_changes import count_route_changes
+from thumper_hil.courses.barn import barn_course, random_world, recorded_world
+from thumper_hil.courses.course import drive_course
+from thumper_hil.courses.route_changes import count_route_changes
+from thumper_hil.effects.preset import PRESETS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -44,6 +45,7 @@ MOVE_BASE = {
 class Drive:
     """One drive; a row of the CSV."""
 
+    preset: str
     controller: str
     tracker: str
     scale: float
@@ -53,25 +55,29 @@ class Drive:
     outcome: str  # success, contact, timeout or abort
     time_s: float
     clearance_m: float
+    pose_error_m: float
     score: float
     route_changes: int
     flips: int
     reason: str
 
 
-def drive_one(options: NavigationOptions, *, made: bool, world: int, scale: float, seed: int) -> Drive:
+def drive_one(
+    options: NavigationOptions, *, made: bool, preset: str, world: int, scale: float, seed: int
+) -> Drive:
     """Drive through one world and evaluate the run."""
-    world_ = random_world(world, scale) if made else recorded_world(DATA, world, scale)
-    run = drive_through(world_, scale, options, seed)
-    outcome = "abort" if run.state is NavigationState.FAILED else "timeout"
-    if run.clearance_m < 0.0:
+    circles_m = random_world(world, scale) if made else recorded_world(DATA, world, scale)
+    run = drive_course(barn_course(circles_m, scale), preset=preset, seed=seed, navigation=options)
+    outcome = "timeout" if run.timed_out else "abort"
+    if run.contacts:
         outcome = "contact"
-    elif succeeded(run, scale):
+    elif run.reached:
         outcome = "success"
     optimal_s = 0.0 if made else _reference_m(world) * scale / OPTIMAL_M_S
     score = optimal_s / min(max(run.time_s, 2.0 * optimal_s), 8.0 * optimal_s) if optimal_s else 0.0
-    routes = count_route_changes((output.plan for output in run.outputs), world_.circles_m[:, :2])
+    routes = count_route_changes(run.plans, circles_m[:, :2])
     return Drive(
+        preset=preset,
         controller=options.controller,
         tracker=options.tracker,
         scale=scale,
@@ -81,6 +87,7 @@ def drive_one(options: NavigationOptions, *, made: bool, world: int, scale: floa
         outcome=outcome,
         time_s=run.time_s,
         clearance_m=run.clearance_m,
+        pose_error_m=run.pose_error_m,
         score=score if outcome == "success" else 0.0,
         route_changes=routes.changes,
         flips=routes.flips,
@@ -103,10 +110,11 @@ def line(drives: list[Drive]) -> str:
     times = [d.time_s for d in drives if d.outcome == "success"]
     name = first.controller + (f" + {first.tracker}" if first.tracker else "")
     return (
-        f"| {name} | {first.scale:.2f} | {first.v_max_m_s:.1f} | {_seeds(drives)} "
+        f"| {first.preset} | {name} | {first.scale:.2f} | {first.v_max_m_s:.1f} | {_seeds(drives)} "
         f"| {count['success']}/{len(drives)} | {count['contact']} | {count['timeout']} | {count['abort']} "
         f"| {np.mean(times) if times else np.nan:.1f} | {np.median([d.clearance_m for d in drives]):.3f} "
-        f"| {min(d.clearance_m for d in drives):.3f} | {np.mean([d.score for d in drives]):.3f} "
+        f"| {min(d.clearance_m for d in drives):.3f} | {np.median([d.pose_error_m for d in drives]):.3f} "
+        f"| {np.mean([d.score for d in drives]):.3f} "
         f"| {np.mean([d.route_changes for d in drives]):.2f} | {np.mean([d.flips for d in drives]):.2f} |"
     )
 
@@ -119,7 +127,7 @@ def _seeds(drives: list[Drive]) -> str:
 def report(drives: list[Drive]) -> None:
     """Record the figures for the table of all benchmarks."""
     first, count = drives[0], sum(d.outcome == "success" for d in drives)
-    name = first.controller + (f" + {first.tracker}" if first.tracker else "")
+    name = first.controller + (f" + {first.tracker}" if first.tracker else "") + f", {first.preset}"
     figure(
         f"BARN x {first.scale:.2f}, {name}, {first.v_max_m_s} m/s, seed {_seeds(drives)}: successes",
         f"{count} of {len(drives)}",
@@ -134,16 +142,17 @@ def report(drives: list[Drive]) -> None:
 
 
 HEADINGS = (
-    "controller | scale | v max [m/s] | seeds | success | contact | timeout | abort | mean time [s] "
-    "| clearance, median [m] | minimum [m] | score | route changes | flips"
+    "preset | controller | scale | v max [m/s] | seeds | success | contact | timeout | abort | mean time [s] "
+    "| clearance, median [m] | minimum [m] | pose error, median [m] | score | route changes | flips"
 )
 
 
 def main() -> None:
     """Run all combinations of the options and print their rows."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--presets", nargs="+", choices=PRESETS, default=["nominal"])
     parser.add_argument("--controllers", nargs="+", default=["dwa"])
-    parser.add_argument("--tracker", default="", help="path tracker; 'cascade' is the default of the robot")
+    parser.add_argument("--tracker", default="cascade", help="path tracker; '' for none")
     parser.add_argument("--scales", nargs="+", type=float, default=[1.0, 0.61, 0.55, 0.50])
     parser.add_argument("--speeds", nargs="+", type=float, default=[0.5])
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
@@ -167,11 +176,13 @@ def main() -> None:
     usual = NavigationOptions(tracker=given.tracker)
     all_drives: list[Drive] = []
     print(f"| {HEADINGS} |\n|{'---|' * (HEADINGS.count('|') + 1)}", flush=True)
-    for name, speed, scale in itertools.product(given.controllers, given.speeds, given.scales):
+    for preset, name, speed, scale in itertools.product(
+        given.presets, given.controllers, given.speeds, given.scales
+    ):
         options = replace(usual, controller=name, limits=replace(usual.limits, v_max_m_s=speed))
         start = time.process_time()
         drives = [
-            drive_one(options, made=is_made, world=world, scale=scale, seed=seed)
+            drive_one(options, made=is_made, preset=preset, world=world, scale=scale, seed=seed)
             for seed in given.seeds
             for world in worlds
         ]

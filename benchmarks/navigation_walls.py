@@ -1,4 +1,4 @@
-"""Drive to goals near walls: `python benchmarks/navigation_walls.py [--rooms 60] [--seed 1] [--hard]`.
+"""Drive to goals near walls: `python benchmarks/navigation_walls.py [--rooms 60] [--seed 1] [--preset hard]`.
 
 Random rooms with a box, goals 6 cm to 28 cm from a wall or in a corner, half of them with a heading. A search
 over x, y and heading, which knows the room, says whether the robot can reach a pose within the tolerances of
@@ -10,7 +10,7 @@ import argparse
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,9 @@ from thumper.common.geometry import Pose2
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState
-from thumper_hil.kinematic.closed_loop import CYCLE_TICKS, TICK_S, Conditions, Run, drive
+from thumper_hil.effects.preset import PRESETS
+from thumper_hil.kinematic.base import TICK_S
+from thumper_hil.kinematic.closed_loop import CYCLE_TICKS, Conditions, Run, drive
 from thumper_hil.kinematic.reachable_poses import at_goal, reachable_poses
 from thumper_hil.kinematic.world import KinematicWorld, box
 
@@ -33,8 +35,6 @@ LIMIT_S = 120.0
 LEAST_WAY_M = 0.8
 LAST_M = 0.5
 TURNING_M = 0.35  # room round the start
-NOMINAL = Conditions(known_start=True)
-HARD = replace(NOMINAL, range_noise_m=0.015, pose_noise_m=0.01, pose_noise_rad=0.01, slip=0.10, delay_s=0.2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +106,7 @@ def main() -> None:
     parser.add_argument("--rooms", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1, help="of the rooms")
     parser.add_argument("--spare", type=float, default=0.03, help="room that a possible goal leaves [m]")
-    parser.add_argument("--hard", action="store_true", help="more noise, slip and delay")
+    parser.add_argument("--preset", choices=PRESETS, default="nominal")
     parser.add_argument("--only", type=int, nargs="+", help="drive only in these rooms")
     parser.add_argument("--quick", type=float, default=20.0, help="an impossible goal ends within this [s]")
     given = parser.parse_args()
@@ -116,7 +116,7 @@ def main() -> None:
     for room in rooms(given.rooms, given.seed):
         if given.only and room.seed not in given.only:
             continue
-        conditions = HARD if given.hard else NOMINAL
+        conditions = Conditions(preset=given.preset, known_start=True)
         run = drive(
             room.world, room.start, room.goal, AREA_M, seed=room.seed, conditions=conditions, limit_s=LIMIT_S
         )
@@ -124,7 +124,7 @@ def main() -> None:
         possible = is_possible(room, given.spare)
         (reached if possible and arrived else missed if possible else others).append((room, run))
     every = reached + missed + others
-    name = f"goals near walls, {'hard' if given.hard else 'nominal'}, rooms of seed {given.seed}"
+    name = f"goals near walls, {given.preset}, rooms of seed {given.seed}"
     figure(f"{name}: reached", f"{len(reached)} of {len(reached) + len(missed)}", aim=">= 95 %")
     figure(f"{name}: contacts", str(sum(run.clearance_m <= 0.0 for _, run in every)), aim="0")
     for label, runs in (("last half metre", reached), ("whole drive", reached), ("other goals", others)):

@@ -49,7 +49,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "large_map": ("",),
     "navigation_barn": ("--tracker cascade",),
     "navigation_people": ("--scenes 10",),
-    "navigation_walls": ("--rooms 30", "--rooms 30 --hard"),
+    "navigation_walls": ("--rooms 30", "--rooms 30 --preset hard"),
     "bus": ("",),
     "recording": ("",),
     "dashboard": ("", "--side 4000"),

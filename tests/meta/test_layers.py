@@ -89,11 +89,11 @@ IDENTIFY = (
 
 HIL = (
     "effects",
-    "chip world kinematic",
+    "chip world",
     "lidars faults",
     "sensors",
     "bench",
-    "demo campaign",
+    "kinematic courses demo campaign",
     "cli",
 )
 

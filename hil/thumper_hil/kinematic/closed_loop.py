@@ -1,11 +1,10 @@
 """Run the navigator in closed loop with a simulated base, a simulated lidar and a growing map.
 
-The base is a unicycle with acceleration limits and a command delay. The navigator gets pose and speed with
-errors.
+Body and lidar mounting are those of the full simulator's preset (`base.py`). The navigator gets pose and
+speed with errors.
 """
 
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -20,10 +19,13 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.state import Transition
+from thumper_hil.bench.hardware import BASE_FROM_LASER
+from thumper_hil.effects.mounting import true_mounting
+from thumper_hil.effects.preset import load_preset
+from thumper_hil.kinematic.base import DELAY_S, TICK_S, KinematicBase
 from thumper_hil.kinematic.world import KinematicWorld
 
-BASE_FROM_LASER = Pose2(x_m=0.12)
-TICK_S, CYCLE_TICKS = 0.02, 5
+CYCLE_TICKS = 5
 
 
 @kernel
@@ -74,19 +76,16 @@ class CountingMap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conditions:
-    """Delay, noise and acceleration limits of the simulated robot, and when a run ends early."""
+    """How hard the robot is to drive."""
 
-    delay_s: float = 0.15
+    preset: str = "nominal"
+    delay_s: float = DELAY_S
     range_noise_m: float = 0.01
     range_max_m: float = 4.0
     beams: int = 240
     pose_noise_m: float = 0.005
     pose_noise_rad: float = 0.005
-    slip: float = 0.05  # standard deviation of a constant relative error of linear and angular speed
-    v_accel_m_s2: float = 0.6
-    w_accel_rad_s2: float = 3.0
     known_start: bool = False  # the lidar has looked all around from the start before the drive begins
-    stop_when: Callable[[Pose2], bool] = lambda _pose: False
 
 
 @dataclass(slots=True, kw_only=True)
@@ -121,69 +120,58 @@ def drive(
     navigator = Navigator(options or NavigationOptions(), footprint)
     navigator.set_goal(goal)
     grid_map = CountingMap(*area)
-    base = _Unicycle(start, given, rng)
+    base = KinematicBase(start, preset=given.preset, seed=seed, delay_s=given.delay_s)
+    mounting = true_mounting(BASE_FROM_LASER, load_preset(given.preset).mount, seed)
+    laser = mounting.base_from_laser
     run, output = Run(), NavigationOutput()
     if given.known_start:
         for theta_rad in (0.5 * math.pi, math.pi, -0.5 * math.pi):
-            _observe(world_at(0.0), start @ Pose2(theta_rad=theta_rad), grid_map, given, rng)
+            _observe(world_at(0.0), start @ Pose2(theta_rad=theta_rad), laser, grid_map, given, rng)
     for tick in range(round(limit_s / TICK_S)):
         run.time_s = tick * TICK_S
         now = world_at(run.time_s)
         run.clearance_m = min(run.clearance_m, now.clearance_m(base.pose, footprint))
         if tick % CYCLE_TICKS == 0:
-            map_from_base, hits_m = _observe(now, base.pose, grid_map, given, rng)
+            map_from_base, hits_m = _observe(now, base.pose, laser, grid_map, given, rng)
             output = navigator.update(
-                run.time_s, map_from_base, base.measured_twist(), grid_map.grid(), hits_m
+                run.time_s, map_from_base, _measured(base.twist, rng), grid_map.grid(), hits_m
             )
             run.outputs.append(output)
             run.track.append(base.pose)
             ended = output.state in (NavigationState.REACHED, NavigationState.FAILED)
-            if (ended and abs(base.v_m_s) < 1e-3) or given.stop_when(base.pose) or run.clearance_m < 0.0:
+            if (ended and abs(base.twist.v_m_s) < 1e-3) or run.clearance_m < 0.0:
                 break
         base.step(output.command)
-        run.length_m += abs(base.v_m_s) * TICK_S
+        run.length_m += abs(base.twist.v_m_s) * TICK_S
     run.state, run.reason = output.state, output.reason
     run.goal_error_m = goal.distance_m(base.pose)
     run.transitions = navigator.transitions
     return run
 
 
-class _Unicycle:
-    """A base that follows delayed commands with acceleration limits and constant speed errors."""
-
-    def __init__(self, start: Pose2, conditions: Conditions, rng: np.random.Generator) -> None:
-        self.pose = start
-        self.v_m_s, self._w_rad_s = 0.0, 0.0
-        self._conditions, self._rng = conditions, rng
-        self._v_gain, self._w_gain = 1.0 + conditions.slip * rng.standard_normal(2)
-        self._queue = deque([Twist2()] * round(conditions.delay_s / TICK_S))
-
-    def measured_twist(self) -> Twist2:
-        """Return the twist with measurement noise."""
-        return Twist2(
-            v_m_s=self.v_m_s + 0.01 * self._rng.standard_normal(),
-            w_rad_s=self._w_rad_s + 0.02 * self._rng.standard_normal(),
-        )
-
-    def step(self, command: Twist2) -> None:
-        """Queue a command and move for one tick by the oldest one."""
-        self._queue.append(command)
-        delayed = self._queue.popleft()
-        v_step = self._conditions.v_accel_m_s2 * TICK_S
-        w_step = self._conditions.w_accel_rad_s2 * TICK_S
-        self.v_m_s += float(np.clip(delayed.v_m_s * self._v_gain - self.v_m_s, -v_step, v_step))
-        self._w_rad_s += float(np.clip(delayed.w_rad_s * self._w_gain - self._w_rad_s, -w_step, w_step))
-        self.pose = self.pose @ Pose2(x_m=self.v_m_s * TICK_S, theta_rad=self._w_rad_s * TICK_S)
+def _measured(twist: Twist2, rng: np.random.Generator) -> Twist2:
+    """Return the twist with measurement noise."""
+    return Twist2(
+        v_m_s=twist.v_m_s + 0.01 * rng.standard_normal(), w_rad_s=twist.w_rad_s + 0.02 * rng.standard_normal()
+    )
 
 
 def _observe(
-    world: KinematicWorld, pose: Pose2, grid_map: CountingMap, given: Conditions, rng: np.random.Generator
+    world: KinematicWorld,
+    pose: Pose2,
+    base_from_laser: Pose2,
+    grid_map: CountingMap,
+    given: Conditions,
+    rng: np.random.Generator,
 ) -> tuple[Pose2, FloatArray]:
-    """Take a scan, add it to the map, and return the noisy pose and the hits in map, shape (n, 2)."""
+    """Take a scan, add it to the map, and return the noisy pose and the hits in map, shape (n, 2).
+
+    The lidar is at `base_from_laser`; the robot takes it to be where its TOML says.
+    """
     noise = rng.standard_normal(3) * (given.pose_noise_m, given.pose_noise_m, given.pose_noise_rad)
     map_from_base = pose @ Pose2(x_m=noise[0], y_m=noise[1], theta_rad=noise[2])
     angles_rad = np.linspace(-math.radians(120.0), math.radians(120.0), given.beams)
-    ranges_m = world.cast(pose @ BASE_FROM_LASER, angles_rad, given.range_max_m)
+    ranges_m = world.cast(pose @ base_from_laser, angles_rad, given.range_max_m)
     ranges_m = ranges_m + given.range_noise_m * rng.standard_normal(ranges_m.size)
     laser = map_from_base @ BASE_FROM_LASER
     is_hit = np.isfinite(ranges_m)

@@ -1,16 +1,21 @@
-"""Some worlds of the BARN challenge, scaled down until the gaps are hardly wider than the robot."""
+"""Some worlds of the BARN challenge in the full simulator, the gaps hardly wider than the robot."""
 
 from pathlib import Path
 
 import pytest
 
-from thumper.navigation.options import NavigationOptions
-from thumper_hil.kinematic.barn import drive_through, recorded_world
+from thumper_hil.courses.barn import barn_course, recorded_world
+from thumper_hil.courses.course import drive_course
 
 
-@pytest.mark.parametrize(("index", "scale"), [(60, 1.0), (0, 0.65), (240, 0.65), (165, 0.65), (60, 0.5)])
-def test_crosses_the_field_without_contact(nav_data: Path, index: int, scale: float) -> None:
+@pytest.mark.parametrize(
+    ("index", "scale", "preset"), [(60, 1.0, "nominal"), (0, 0.61, "hard"), (240, 0.61, "nominal")]
+)
+def test_crosses_the_field_without_contact(nav_data: Path, index: int, scale: float, preset: str) -> None:
     """Start, goal and success as in the challenge, all lengths scaled; the map is empty at first."""
-    run = drive_through(recorded_world(nav_data / "barn", index, scale), scale, NavigationOptions())
+    course = barn_course(recorded_world(nav_data / "barn", index, scale), scale)
+    run = drive_course(course, preset=preset, seed=0)
     assert run.goal_error_m < scale, run.reason
+    assert run.reached
+    assert run.contacts == 0
     assert run.clearance_m > 0.0

@@ -6,7 +6,7 @@ import pytest
 from thumper.common.geometry import FloatArray
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.planners.homotopy import is_same_side, winds_round_obstacle
-from thumper_hil.kinematic.route_changes import winding_numbers
+from thumper_hil.courses.route_changes import winding_numbers
 
 ROWS, COLS = 9, 12
 ORIGIN_M, RESOLUTION_M = np.array((-3.25, 1.5)), 0.125

@@ -297,7 +297,8 @@ def drive_near_wall(goal: Goal, seed: int) -> Run:
 def test_stationary_within_the_tolerance_is_reached(seed: int) -> None:
     run = drive_near_wall(Goal(x_m=-1.55, y_m=0.3, tolerance_m=0.3), seed)
     assert run.state is NavigationState.REACHED
-    assert run.time_s < 17.0  # 15 s; with the recoveries of a stuck robot 18 ... 20 s
+    assert [transition.after for transition in run.transitions] == ["navigating", "reached"]  # not stuck
+    assert run.time_s < 20.0
     assert run.clearance_m > 0.0
 
 
@@ -306,7 +307,7 @@ def test_goal_too_near_a_wall_for_the_outline_is_aborted_early() -> None:
     run = drive_near_wall(Goal(x_m=-1.55, y_m=0.3), 0)
     assert run.state is NavigationState.FAILED
     assert "no room for the robot at the goal" in run.outputs[-1].reason
-    assert run.time_s < 20.0  # 11 s; with all recoveries 75 s
+    assert run.time_s < 30.0  # with all recoveries 75 s
     assert run.clearance_m > 0.0
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thumper.common.geometry import FloatArray
-from thumper_hil.kinematic.route_changes import count_route_changes, winding_numbers
+from thumper_hil.courses.route_changes import count_route_changes, winding_numbers
 
 POSTS_M = np.array(((1.0, 0.0), (3.0, 0.0)))
 STRAIGHT_M = np.column_stack((np.linspace(0.0, 4.0, 81), np.full(81, 0.05)))

@@ -1,4 +1,4 @@
-"""Worlds of the BARN challenge, random worlds of the same kind, and a drive through one by its rules.
+"""Worlds of the BARN challenge, random worlds of the same kind, and the course through one.
 
 Perille et al., "Benchmarking Metric Ground Navigation" (2020): 30 x 30 cells of one post's diameter, filled
 by a cellular automaton. The robot starts south of the field and its goal is north of it; success means within
@@ -6,7 +6,6 @@ by a cellular automaton. The robot starts south of the field and its goal is nor
 """
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +14,7 @@ from scipy.ndimage import convolve, distance_transform_edt, label
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.goal import Goal
-from thumper.navigation.options import NavigationOptions
-from thumper_hil.kinematic.closed_loop import Conditions, Run, drive
-from thumper_hil.kinematic.world import KinematicWorld
+from thumper_hil.courses.course import Course
 
 POST_RADIUS_M = 0.075
 CELL_M = 2.0 * POST_RADIUS_M
@@ -27,19 +24,19 @@ LIMIT_S = 100.0
 NARROWEST_RADIUS_M = (
     0.375  # the radius of the widest disc that passes is at least this in all recorded worlds
 )
-EXACT = Conditions(pose_noise_m=0.0, pose_noise_rad=0.0, slip=0.0)
 
 
-def recorded_world(folder: Path, index: int, scale: float) -> KinematicWorld:
-    """Return a published world, scaled."""
+def recorded_world(folder: Path, index: int, scale: float) -> FloatArray:
+    """Return the posts of a published world, scaled, shape (n, 3)."""
     centres: FloatArray = np.loadtxt(folder / f"world_{index:03d}_cylinders.csv", delimiter=",", skiprows=1)
     return _posts(centres[:, :2], scale)
 
 
-def random_world(seed: int, scale: float) -> KinematicWorld:
-    """Return a random world of the same kind: random cells, smoothed, with a passage as wide as theirs.
+def random_world(seed: int, scale: float) -> FloatArray:
+    """Return the posts of a random world of the same kind, shape (n, 3).
 
-    The walls to the left, to the right and behind are those of the published worlds.
+    It has random cells, smoothed, with a passage as wide as theirs. The walls to the left, to the right and
+    behind are those of the published worlds.
     """
     rng = np.random.default_rng(seed)
     while True:
@@ -53,9 +50,8 @@ def random_world(seed: int, scale: float) -> KinematicWorld:
             return _posts(np.vstack((inner, _walls())), scale)
 
 
-def _posts(centres_m: FloatArray, scale: float) -> KinematicWorld:
-    radii_m = np.full(len(centres_m), POST_RADIUS_M)
-    return KinematicWorld(circles_m=np.column_stack((centres_m, radii_m)) * scale)
+def _posts(centres_m: FloatArray, scale: float) -> FloatArray:
+    return np.column_stack((centres_m, np.full(len(centres_m), POST_RADIUS_M))) * scale
 
 
 def _walls() -> FloatArray:
@@ -77,21 +73,15 @@ def _is_passable(filled: NDArray[np.bool_]) -> bool:
     return bool(np.intersect1d(parts[0][parts[0] > 0], parts[-1][parts[-1] > 0]).size)
 
 
-def drive_through(world: KinematicWorld, scale: float, options: NavigationOptions, seed: int = 0) -> Run:
-    """Drive from start to goal without an initial map, with an exact pose and 1 cm range noise."""
-    goal = Goal(x_m=-2.25 * scale, y_m=13.0 * scale)
-    return drive(
-        world,
-        Pose2(x_m=-2.25 * scale, y_m=3.0 * scale, theta_rad=0.5 * math.pi),
-        goal,
-        (-6.5 * scale, -scale, 8.5 * scale, 16.0 * scale),
-        seed=seed,
-        options=options,
-        conditions=replace(EXACT, stop_when=lambda pose: goal.distance_m(pose) < scale),
-        limit_s=LIMIT_S,
+def barn_course(circles_m: FloatArray, scale: float) -> Course:
+    """Return the course through a field of posts, shape (n, 3), that are already scaled."""
+    posts = (
+        f"[[circle]]\nx_m = {x}\ny_m = {y}\nradius_m = {radius}\n" for x, y, radius in circles_m.tolist()
     )
-
-
-def succeeded(run: Run, scale: float) -> bool:
-    """Return True if the run ended near the goal without a contact."""
-    return run.goal_error_m < scale and run.clearance_m >= 0.0
+    return Course(
+        world_toml="".join(posts),
+        start=Pose2(x_m=-2.25 * scale, y_m=3.0 * scale, theta_rad=0.5 * math.pi),
+        goal=Goal(x_m=-2.25 * scale, y_m=13.0 * scale),
+        limit_s=LIMIT_S,
+        arrival_m=scale,
+    )

@@ -1,0 +1,1 @@
+"""Courses of the navigation benchmarks, driven in the full simulator."""

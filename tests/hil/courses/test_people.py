@@ -1,0 +1,23 @@
+"""People at 1 m/s, on two legs, who cross or block the path: the robot drives into nobody."""
+
+import pytest
+
+from thumper_hil.courses.course import drive_course
+from thumper_hil.courses.people import course_among, person
+
+NEVER_S = 1e6
+CROSSING = [[person((2.0, -1.7), (2.0, 1.7), from_s=from_s)] for from_s in (1.0, 2.0, 3.0, 4.0)]
+TWO = [person((1.6, -1.7), (1.6, 1.7), from_s=1.5), person((3.0, 1.7), (3.0, -1.7), from_s=2.5)]
+BLOCKING = [person((2.0, 0.0), (2.0, 1.6), from_s=12.0)]
+STAYING = [person((2.0, 0.0), (2.0, 1.6), from_s=NEVER_S)]
+
+
+@pytest.mark.parametrize(
+    "people",
+    [*CROSSING, TWO, BLOCKING, STAYING],
+    ids=["cross 1 s", "cross 2 s", "cross 3 s", "cross 4 s", "two", "blocks, then goes", "stays"],
+)
+def test_drives_into_nobody(people: list[str]) -> None:
+    run = drive_course(course_among(people), preset="nominal", seed=0)
+    assert run.contacts == 0
+    assert run.reached or run.bumps, run.reason
