@@ -61,6 +61,28 @@ def test_a_square_of_forward_and_turn_is_closed() -> None:
     assert abs(math.degrees(math.remainder(end[3] - start[3], math.tau))) < 2.0
 
 
+def test_neither_backs_into_what_it_saw_nor_over_what_it_never_saw(tmp_path: Path) -> None:
+    """A leg ahead is behind the robot after half a turn. Behind and beside it at the start, others stand."""
+    world = tmp_path / "legs.toml"
+    legs = ((0.75, 0.0), (-0.36, 0.0), (-0.18, 0.21))
+    world.write_text(
+        'description = "legs"\n[[wall]]\nclosed = true\npoints_m = [[-3,-3],[3,-3],[3,3],[-3,3]]\n'
+        + "".join(f"[[circle]]\nx_m = {x_m}\ny_m = {y_m}\nradius_m = 0.02\n" for x_m, y_m in legs)
+    )
+    with Robot(f"sim://api_legs/board?world={world}", lidar="sim://api_legs/lidar") as robot:
+        back = robot.forward(-0.4)
+        assert not back.reached
+        assert "never seen" in back.reason
+        assert back.reason.endswith("; turn and look there first, or pass unseen=True")
+        turn = robot.turn(deg=-90)
+        assert turn.reason.endswith("; call forward(0.4) first, or pass unseen=True")
+        assert robot.forward(0.35).reached
+        assert robot.turn(deg=180).reached
+        seen = robot.forward(-0.6)
+        assert seen.reason.startswith("stopped before an obstacle")
+        assert simulation("api_legs").contacts == 0
+
+
 def test_forward_stops_before_a_wall() -> None:
     with Robot("sim://api_wall/board?world=lab", lidar="sim://api_wall/lidar") as robot:
         result = robot.forward(8.0, v_m_s=0.4)
@@ -128,7 +150,9 @@ def test_the_robot_and_its_results_are_short_in_a_notebook(lab: Robot) -> None:
         r"<Telemetry: DISARMED, left 0\.00 rad/s, right 0\.00 rad/s, 7\.\d V>", repr(lab.telemetry)
     )
     with Robot("sim://") as robot:
-        assert re.fullmatch(r"<reached: turned \d+ degrees; 0\.\d+ m in \d\.\d s>", repr(robot.turn(deg=20)))
+        assert re.fullmatch(
+            r"<reached: turned \d+ degrees; 0\.\d+ m in \d\.\d s>", repr(robot.turn(deg=20, unseen=True))
+        )
 
 
 def test_motors_are_off_after_an_error_in_the_script() -> None:

@@ -15,6 +15,7 @@ from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.filters import CostmapFilters, Masks, is_kept_out, load_masks, with_keepout
+from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.options import NavigationOptions
@@ -112,6 +113,34 @@ class Navigator:
         """Forget remembered obstacles, except beside the robot out of the lidar's view, and plan again."""
         self._parts.model.forget_beyond(map_from_base, 0.0)
         self._parts.path.clear()
+
+    @property
+    def obstacles(self) -> ObstaclePoints:
+        """The obstacles round the robot, in the map: of the newest scan, remembered, and unseen ground."""
+        return self._parts.model.obstacles
+
+    def observe(
+        self,
+        time_s: float,
+        map_from_base: Pose2,
+        grid: OccupancyGrid,
+        hits_in_map: FloatArray,
+        *,
+        frames: ScanFrames,
+    ) -> None:
+        """Bring `obstacles` up to date in a cycle without `update`; the arguments are those of `update`."""
+        cycle = CycleInput(
+            time_s=time_s,
+            map_from_base=map_from_base,
+            twist=Twist2(),
+            grid=grid,
+            hits_in_map_m=hits_in_map,
+            scan_pose=frames.map_from_base,
+            map_from_odom=frames.map_from_odom,
+            lost="",
+            period_s=USUAL_PERIOD_S,
+        )
+        self._parts.model.observe(cycle)
 
     def set_goal(self, goal: Goal) -> None:
         """Start driving to a goal; replaces the current goal."""

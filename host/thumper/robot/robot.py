@@ -31,6 +31,7 @@ from thumper.lidar.scan import Scan
 from thumper.maps.annotations import Annotations, annotations_path, load_annotations, save_annotations
 from thumper.maps.map_server_io import load_map, map_yaml_path, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.goal import check_place
 from thumper.robot import arguments
 from thumper.runtime.assembly import collision_monitor, open_robot
@@ -151,12 +152,13 @@ class Robot:
         place = f"({pose.x_m:z.2f} m, {pose.y_m:z.2f} m, {pose.heading_deg:z.0f} deg)"
         return f"<Robot {port} at {place}{battery}>"
 
-    def forward(self, distance_m: float, *, v_m_s: float = 0.25) -> DriveResult:
+    def forward(self, distance_m: float, *, v_m_s: float = 0.25, unseen: bool = False) -> DriveResult:
         """Drive straight by `distance_m`, backward if negative, and return the result.
 
         `v_m_s` is the highest speed. The robot keeps its line by the pose in the map, and corrects its stop;
-        the path length includes that. It stops before an obstacle that the newest scan shows; the result's
-        `reason` says so. Behind the robot, a lidar may see nothing.
+        the path length includes that. It stops before an obstacle that it sees or remembers, and does not
+        back up over ground that its lidar has never seen; the result's `reason` says so. If you know that
+        this ground is free, pass `unseen=True`.
 
         Raises
         ------
@@ -167,17 +169,24 @@ class Robot:
         limits = self._config.navigation.limits
         limits = replace(limits, v_max_m_s=arguments.speed("forward", "v_m_s", v_m_s, limits.v_max_m_s))
         start = self._reference()
-        result = self._move(motions.drive_on_heading(distance_m, limits, start))
+        motion = motions.drive_on_heading(distance_m, limits, start)
+        result = self._move(motion, unseen=unseen, cure="turn and look there first")
         self._target = start @ Pose2(x_m=distance_m) if result.reached else None
         return result
 
     def turn(
-        self, rad: float | None = None, *, deg: float | None = None, w_rad_s: float = 1.0
+        self,
+        rad: float | None = None,
+        *,
+        deg: float | None = None,
+        w_rad_s: float = 1.0,
+        unseen: bool = False,
     ) -> DriveResult:
         """Turn in place, counter-clockwise if positive: `turn(1.57)` or `turn(deg=90)`; return the result.
 
         More than a full turn is taken in degrees only: `turn(deg=720)`. `w_rad_s` is the highest turn rate.
-        Stops before an obstacle as `forward` does.
+        Stops before obstacles and unseen ground as `forward` does: a robot that starts without a map has not
+        seen the ground that its tail sweeps, and must first drive about 0.4 m forward.
 
         Raises
         ------
@@ -192,7 +201,8 @@ class Robot:
         limits = self._config.navigation.limits
         limits = replace(limits, w_max_rad_s=arguments.speed("turn", "w_rad_s", w_rad_s, limits.w_max_rad_s))
         start = self._reference()
-        result = self._move(motions.spin(angle_rad, limits, start))
+        motion = motions.spin(angle_rad, limits, start)
+        result = self._move(motion, unseen=unseen, cure="call forward(0.4) first")
         self._target = start @ Pose2(theta_rad=angle_rad) if result.reached else None
         return result
 
@@ -452,9 +462,17 @@ class Robot:
             state.hits_in_map_m,
         )
 
-    def _move(self, motion: Motion) -> DriveResult:
-        monitor = collision_monitor(self._config)
-        return self._carry_out(tasks.move(motions.before_obstacles(motion, monitor)))
+    def _move(self, motion: Motion, *, unseen: bool, cure: str) -> DriveResult:
+        navigator = self._loop.drive_manager.navigator
+
+        def obstacles(_state: RobotState) -> ObstaclePoints:
+            near = navigator.obstacles
+            return near.without_unseen() if unseen else near
+
+        motion = motions.before_obstacles(
+            motion, collision_monitor(self._config), obstacles, cure=f"{cure}, or pass unseen=True"
+        )
+        return self._carry_out(tasks.move(motion))
 
     def _carry_out(self, task: Task) -> DriveResult:
         """Run a task that drives; return when the motors are off."""

@@ -247,7 +247,7 @@ def _wire(
             opened=saving.opened,
             objects=objects,
         ),
-        docking=_docking(config, inputs, map_annotations),
+        docking=_docking(config, inputs, map_annotations, navigator),
     )
     return RobotLoop(
         RobotParts(
@@ -263,7 +263,9 @@ def _wire(
     )
 
 
-def _docking(config: RobotConfig, inputs: SensorInputs, annotations: MapAnnotations) -> Docking:
+def _docking(
+    config: RobotConfig, inputs: SensorInputs, annotations: MapAnnotations, navigator: Navigator
+) -> Docking:
     """Return what docks the robot; it needs a camera."""
     return Docking(
         options=config.dock,
@@ -271,6 +273,7 @@ def _docking(config: RobotConfig, inputs: SensorInputs, annotations: MapAnnotati
         tracker=TagTracker(config.dock.tag, config.dock.tag_size_m, config.camera),
         limits=config.navigation.limits,
         monitor=collision_monitor(config),
+        obstacles=lambda: navigator.obstacles,
         newest_frames=_newest_frames(inputs),
         annotations=lambda: annotations.value,
     )

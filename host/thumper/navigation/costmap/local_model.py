@@ -33,6 +33,10 @@ class ObstaclePoints(NamedTuple):
     position_error_m: FloatArray  # shape (n,), a bound of each point's error
     seen: int  # the points before this index are obstacles, the others are unseen ground
 
+    def without_unseen(self) -> "ObstaclePoints":
+        """Return the obstacles alone."""
+        return ObstaclePoints(self.points_m[: self.seen], self.position_error_m[: self.seen], self.seen)
+
     def in_base(self, map_from_base: Pose2) -> "ObstaclePoints":
         """Return points in `map` as points in base_link."""
         return self._replace(points_m=map_from_base.inverse().apply(self.points_m))
@@ -72,37 +76,45 @@ class LocalModel:
         self._window: tuple[OccupancyGrid, FloatArray] | None = None
         self._fine: Costmap | None = None
         self.hits_m: FloatArray = np.empty((0, 2))  # the newest scan's hits in map, averaged by surface
-        self.obstacles = NO_OBSTACLES  # in map, near the robot
+        self.obstacles = NO_OBSTACLES  # in map, near the robot; also up to date after `observe`
 
     def set_keepout(self, keepout: Masks) -> None:
         """Replace the keep-out masks; they act from the next cycle on."""
         self._keepout = keepout
         self._layers.set_keepout(keepout)
 
-    def update(self, cycle: CycleInput) -> Costmap | None:
-        """Process a cycle's map and hits; return the costmap for planning, None until it is complete."""
+    def observe(self, cycle: CycleInput) -> tuple[OccupancyGrid, FloatArray]:
+        """Bring `obstacles` up to date, in each cycle; return the window of the map, and the unseen cells."""
         self._follow_map(cycle)
         time_s, base, scan_pose = cycle.time_s, cycle.map_from_base, cycle.scan_pose
         hits_m = cycle.hits_in_map_m[np.isfinite(cycle.hits_in_map_m).all(axis=1)]
         self.hits_m = averaged_hits(scan_pose, hits_m, self._view)
         near_m = self._control_memory.update(time_s, base, self.hits_m, scan_pose)
-        confirmed_m = self.hits_m[confirmed_hits(self.hits_m)]
-        far_m = self._planning_memory.update(time_s, base, self.hits_m, scan_pose, new_m=confirmed_m)
         seen_m = np.vstack((self.hits_m, near_m))
 
         window = window_of(cycle.grid, base, self._options)
         unseen_m = self._unseen.update(window, base, self.hits_m, scan_pose)
-        self.move_ahead_m = self._unseen.move_ahead_m(unseen_m, base)
-        closed_m = self._unseen.beyond_slack(unseen_m, base)
-        self.local_costmap = self._window_costs(window, seen_m, closed_m)
-        self.pose_costmap = self._window_costs(window, seen_m, NOTHING) if len(unseen_m) else None
-        self._window, self._fine = (window, seen_m), None
         error_m = self._control_memory.position_error_m
         self.obstacles = ObstaclePoints(
             points_m=np.vstack((seen_m, unseen_m)),
             position_error_m=np.concatenate((np.zeros(len(self.hits_m)), error_m, np.zeros(len(unseen_m)))),
             seen=len(seen_m),
         )
+        return window, unseen_m
+
+    def update(self, cycle: CycleInput) -> Costmap | None:
+        """Process a cycle's map and hits; return the costmap for planning, None until it is complete."""
+        window, unseen_m = self.observe(cycle)
+        base, seen_m = cycle.map_from_base, self.obstacles.points_m[: self.obstacles.seen]
+        confirmed_m = self.hits_m[confirmed_hits(self.hits_m)]
+        far_m = self._planning_memory.update(
+            cycle.time_s, base, self.hits_m, cycle.scan_pose, new_m=confirmed_m
+        )
+        self.move_ahead_m = self._unseen.move_ahead_m(unseen_m, base)
+        closed_m = self._unseen.beyond_slack(unseen_m, base)
+        self.local_costmap = self._window_costs(window, seen_m, closed_m)
+        self.pose_costmap = self._window_costs(window, seen_m, NOTHING) if len(unseen_m) else None
+        self._window, self._fine = (window, seen_m), None
         self.costmap = self._layers.update(cycle.grid, np.vstack((self.hits_m, far_m)))
         return self.costmap
 

@@ -24,6 +24,7 @@ STEP_S = 0.05  # of the simulated motion
 DEEPER_M = 0.003
 CREEP_FRACTION = 0.5
 ROUNDING_M = 1e-9
+UNSEEN = "ground that the lidar has never seen"
 NOISE_M_S, NOISE_RAD_S = 0.03, 0.06  # a slower measured twist may be noise
 # The centre of rotation of a skid-steered base is not fixed (Mandow 2007): it moves along the base by up to
 # this, so a turn shifts the base sideways.
@@ -41,6 +42,11 @@ class CollisionMonitorOptions:
     slow_s: Annotated[float, Ge(0)] = 1.0
     # Least fraction of the speed that the slow zone leaves.
     slow_part: Annotated[float, Interval(gt=0, le=1)] = 0.4
+
+
+def with_cure(stop_reason: str, cure: str) -> str:
+    """Return the reason of a stop and, if the robot stopped before unseen ground, what to do about it."""
+    return f"{stop_reason}; {cure}" if UNSEEN in stop_reason else stop_reason
 
 
 @kernel
@@ -165,7 +171,7 @@ class CollisionMonitor:
                 x_m, y_m = points_m[index]
                 what = "an obstacle"
                 if seen is not None and np.flatnonzero(near)[index] >= seen:
-                    what = "ground that the lidar has never seen"
+                    what = UNSEEN
                 along, across = "ahead of" if x_m >= 0.0 else "behind", "left" if y_m >= 0.0 else "right"
                 return (
                     f"stopped before {what} {abs(x_m):.2f} m {along} the robot's centre, "

@@ -1,4 +1,7 @@
-"""Manual driving that does not touch what the lidar and the map show (Nav2's `assisted_teleop`). Pure."""
+"""Manual driving that does not touch what the lidar and the map show (Nav2's `assisted_teleop`). Pure.
+
+Nor does it back up, or swing the tail, over ground that the lidar has never seen.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,8 +11,9 @@ import numpy as np
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OCCUPIED, OccupancyGrid
+from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.navigator import USUAL_PERIOD_S
-from thumper.navigation.safety.collision_monitor import CollisionMonitor
+from thumper.navigation.safety.collision_monitor import CollisionMonitor, with_cure
 from thumper.runtime.sensor_inputs import BLIND_S
 from thumper.runtime.state_estimator import RobotState
 
@@ -18,6 +22,7 @@ FRACTIONS = (1.0, 0.5, 0.25)  # of the speed, tried in turn
 OCCUPIED_PERCENT = 0.65 * OCCUPIED  # as map_server's default
 EDGE_RAD = 0.05
 NEAR = "slowed; an obstacle is near"
+CURE = "drive ahead and look there first, or override the assistance"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,38 +40,56 @@ class AssistedTeleop:
         self._monitor = monitor
         self._view = view
 
-    def limit(self, twist: Twist2, state: RobotState, grid: Callable[[], OccupancyGrid]) -> AssistedCommand:
-        """Return the command, slower or without its forward part if it would touch something.
+    def limit(
+        self,
+        twist: Twist2,
+        state: RobotState,
+        obstacles: ObstaclePoints,
+        grid: Callable[[], OccupancyGrid],
+    ) -> AssistedCommand:
+        """Return the command, slower or without its forward or turning part if it would touch something.
 
-        Obstacles are the points of the newest scan and, where the lidar does not look, the walls of the map.
+        `obstacles` are those of scan and memory, in the map, and unseen ground. Where the lidar does not
+        look, the walls of the map count, too.
         Without scans, the command passes: the operator sees more than the robot.
         """
         if twist == Twist2():
             return AssistedCommand(twist=twist)
         if state.scan_age_s > BLIND_S:
             return AssistedCommand(twist=twist, reason="not assisted: no recent scan")
-        points_m = self._points_in_base_m(state, grid)
-        error_m = np.zeros(len(points_m))
+        points_m, error_m, seen = self._points_in_base(state, obstacles, grid)
         slow = self._monitor.slow_down(twist, points_m)
         candidates = [Twist2(v_m_s=f * slow.v_m_s, w_rad_s=f * slow.w_rad_s) for f in FRACTIONS]
         if twist.v_m_s and twist.w_rad_s:
             candidates.append(Twist2(w_rad_s=slow.w_rad_s))
+        if twist.w_rad_s and twist.v_m_s > 0.0:  # until it has seen the ground that its tail would sweep
+            candidates.append(Twist2(v_m_s=FRACTIONS[1] * slow.v_m_s))
         reason = ""
         for candidate in candidates:
-            stop = self._monitor.stop_reason(candidate, state.twist, points_m, error_m, USUAL_PERIOD_S)
+            stop = self._monitor.stop_reason(
+                candidate, state.twist, points_m, error_m, USUAL_PERIOD_S, seen=seen
+            )
             if stop is None:
                 near = "" if slow == twist else NEAR
-                return AssistedCommand(twist=candidate, reason=f"slowed; {reason}" if reason else near)
+                reason = f"slowed; {with_cure(reason, CURE)}" if reason else near
+                return AssistedCommand(twist=candidate, reason=reason)
             reason = reason or stop
-        return AssistedCommand(twist=Twist2(), reason=reason)
+        return AssistedCommand(twist=Twist2(), reason=with_cure(reason, CURE))
 
-    def _points_in_base_m(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> FloatArray:
-        hits_m = state.hits_in_map_m
-        hits_m = hits_m[np.isfinite(hits_m).all(axis=1)]
+    def _points_in_base(
+        self, state: RobotState, obstacles: ObstaclePoints, grid: Callable[[], OccupancyGrid]
+    ) -> ObstaclePoints:
+        """Return obstacles and walls, and after them the unseen ground."""
         walls_m = np.empty((0, 2)) if state.lost else _walls_m(grid(), state.map_from_base)
         bearing_rad, range_m = self._view.bearings_and_ranges(state.map_from_base, walls_m)
         is_seen = self._view.contains(bearing_rad, range_m, edge_rad=EDGE_RAD)
-        return state.map_from_base.inverse().apply(np.concatenate((hits_m, walls_m[~is_seen])))
+        walls_m = walls_m[~is_seen]
+        points_m, error_m, seen = obstacles
+        return ObstaclePoints(
+            np.concatenate((points_m[:seen], walls_m, points_m[seen:])),
+            np.concatenate((error_m[:seen], np.zeros(len(walls_m)), error_m[seen:])),
+            seen + len(walls_m),
+        ).in_base(state.map_from_base)
 
 
 def _walls_m(grid: OccupancyGrid, map_from_base: Pose2) -> FloatArray:

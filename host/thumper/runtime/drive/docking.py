@@ -13,6 +13,7 @@ from thumper.camera.tag_tracker import TagTracker
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.maps.annotations import Annotations
+from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.goal import Goal
 from thumper.navigation.safety.collision_monitor import CollisionMonitor
 from thumper.navigation.speed_limits import SpeedLimits
@@ -46,6 +47,7 @@ class Docking:
     tracker: TagTracker
     limits: SpeedLimits
     monitor: CollisionMonitor
+    obstacles: Callable[[], ObstaclePoints]  # near the robot, in the map
     newest_frames: Callable[[], list[CameraFrame]] | None
     annotations: Callable[[], Annotations]
     _known: Pose2 | None = field(default=None, init=False)  # map_from_docked, by the tag
@@ -133,10 +135,12 @@ class Docking:
         return replace(result, reason=f"docked: {errors}") if result.reached else result
 
     def _back_off(self) -> Step:
-        # At the speed of the approach: a lidar may not see what is behind.
+        # At the speed of the approach: a lidar may not see what is behind. That the ground there is unseen,
+        # for a robot that was switched on at the dock, must not keep it there.
         limits = replace(self.limits, v_max_m_s=min(self.limits.v_max_m_s, self.options.speed_m_s))
         motion = drive_on_heading(-self.options.staging_m, limits, self._state().map_from_base)
-        return (yield Move(motion=before_obstacles(motion, self.monitor), name="undocking"))
+        motion = before_obstacles(motion, self.monitor, lambda _state: self.obstacles().without_unseen())
+        return (yield Move(motion=motion, name="undocking"))
 
     def _look(self) -> Step:
         """Wait until enough frames have shown the tag, or for a while."""

@@ -198,10 +198,12 @@ class DriveManager:
             return None
         now_s = time.monotonic()
         manual = self.mux.active(now_s)
+        if manual is not None or self.mode is not DriveMode.DRIVING:  # else the navigator updates them
+            self._observe(state, grid)
         if manual is not None and self.mode is not DriveMode.IDLE:
             twist, assistance = limited_twist(manual.twist, self._options), ""
             if self._assisted_teleop is not None and now_s > self._override_until_s:
-                assisted = self._assisted_teleop.limit(twist, state, grid)
+                assisted = self._assisted_teleop.limit(twist, state, self.navigator.obstacles, grid)
                 twist, assistance = assisted.twist, assisted.reason
             if manual.source is TeleopSource.VELOCITY:
                 self._drive_at(twist, assistance)
@@ -271,6 +273,15 @@ class DriveManager:
             self.board.command(Command.ARM)  # back to speed control
         self._manually_armed = True
         self._hold(f"{BY_PROGRAM}; {assistance}" if assistance else BY_PROGRAM, twist)
+
+    def _observe(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> None:
+        """Let the navigator see what is round the robot, whoever drives it."""
+        if state.frames is not None:
+            x_m, y_m = state.map_from_base.x_m, state.map_from_base.y_m
+            around = grid().including(x_m, y_m, ROBOT_MARGIN_M)
+            self.navigator.observe(
+                state.time_s, state.map_from_base, around, state.hits_in_map_m, frames=state.frames
+            )
 
     def _navigate(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:
         assert self.goal is not None  # DRIVING has one

@@ -12,8 +12,9 @@ import numpy as np
 
 from thumper.common.geometry import Pose2, Twist2, wrap_angle
 from thumper.navigation.controllers.rotate_in_place import SLOWEST_TURN_RAD_S
+from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.navigator import USUAL_PERIOD_S
-from thumper.navigation.safety.collision_monitor import CollisionMonitor
+from thumper.navigation.safety.collision_monitor import CollisionMonitor, with_cure
 from thumper.navigation.speed_limits import SpeedLimits, step_toward, stoppable_speed
 from thumper.runtime.drive.data_age import waits_for_scan
 from thumper.runtime.state_estimator import RobotState
@@ -125,10 +126,23 @@ def spin(angle_rad: float, limits: SpeedLimits, start: Pose2) -> Motion:
     return _limited(next_command, abs(angle_rad) / limits.w_max_rad_s)
 
 
-def before_obstacles(motion: Motion, monitor: CollisionMonitor) -> Motion:
-    """Return the motion, stopped before it touches something that the newest scan shows, or without a scan.
+def of_newest_scan(state: RobotState) -> ObstaclePoints:
+    """Return the hits of the newest scan, in the map."""
+    hits_m = state.hits_in_map_m[np.isfinite(state.hits_in_map_m).all(axis=1)]
+    return ObstaclePoints(hits_m, np.zeros(len(hits_m)), len(hits_m))
 
-    It goes on if a false return or a person is gone in the next scans; otherwise it ends.
+
+def before_obstacles(
+    motion: Motion,
+    monitor: CollisionMonitor,
+    obstacles: Callable[[RobotState], ObstaclePoints] = of_newest_scan,
+    *,
+    cure: str = "",
+) -> Motion:
+    """Return the motion, stopped before it touches one of the obstacles, in the map, or without a scan.
+
+    It goes on if a false return or a person is gone in the next scans; otherwise it ends. `cure` says what to
+    do about unseen ground.
     """
     blocked_cycles = 0
 
@@ -138,15 +152,16 @@ def before_obstacles(motion: Motion, monitor: CollisionMonitor) -> Motion:
             command = motion(state)
             if isinstance(command, MotionEnd):
                 return command
-            hits_m = state.map_from_base.inverse().apply(state.hits_in_map_m)
-            problem = (
-                monitor.stop_reason(command, state.twist, hits_m, np.zeros(len(hits_m)), USUAL_PERIOD_S) or ""
-            )
+            points_m, error_m, seen = obstacles(state).in_base(state.map_from_base)
+            stop = monitor.stop_reason(command, state.twist, points_m, error_m, USUAL_PERIOD_S, seen=seen)
+            problem = stop or ""
             if not problem:
                 blocked_cycles = 0
                 return command
         blocked_cycles += 1
-        return MotionEnd(done=False, reason=problem) if blocked_cycles > BLOCKED_CYCLES else Twist2()
+        if blocked_cycles <= BLOCKED_CYCLES:
+            return Twist2()
+        return MotionEnd(done=False, reason=with_cure(problem, cure))
 
     return next_command
 

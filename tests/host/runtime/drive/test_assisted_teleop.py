@@ -1,6 +1,5 @@
 """Manual driving that stops before what the lidar and the map show."""
 
-import math
 from typing import Any, cast
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap.local_model import NO_OBSTACLES, ObstaclePoints
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.safety.collision_monitor import CollisionMonitor, CollisionMonitorOptions
 from thumper.navigation.speed_limits import SpeedLimits
@@ -44,7 +44,7 @@ class Slowest:
         self.points_m = points_m
         return twist
 
-    def stop_reason(self, twist: Twist2, *_: object) -> str | None:
+    def stop_reason(self, twist: Twist2, *_: object, **__: object) -> str | None:
         return "too fast" if twist.v_m_s > self.v_m_s else None
 
 
@@ -53,6 +53,7 @@ def limit(
     *walls_m: tuple[float, float],
     teleop: AssistedTeleop = TELEOP,
     hits_m: FloatArray = EMPTY_M,
+    unseen_m: FloatArray = EMPTY_M,
     pose: Pose2 | None = None,
     scan_age_s: float = 0.1,
     lost: str = "",
@@ -61,20 +62,22 @@ def limit(
         time_s=1.0,
         map_from_base=pose or Pose2(),
         twist=Twist2(),
-        hits_in_map_m=hits_m,
+        hits_in_map_m=EMPTY_M,
         scan_age_s=scan_age_s,
         lost=lost,
     )
-    return teleop.limit(twist, state, lambda: grid_with(*walls_m))
+    error_m = np.zeros(len(hits_m) + len(unseen_m))
+    obstacles = ObstaclePoints(np.concatenate((hits_m, unseen_m)), error_m, len(hits_m))
+    return teleop.limit(twist, state, obstacles, lambda: grid_with(*walls_m))
 
 
 def test_nothing_near_changes_nothing() -> None:
-    assert limit(AHEAD, hits_m=np.array(((3.0, 0.0), (math.nan, math.nan)))) == AssistedCommand(twist=AHEAD)
+    assert limit(AHEAD, hits_m=np.array(((3.0, 0.0),))) == AssistedCommand(twist=AHEAD)
 
 
 @pytest.mark.parametrize("pose", [Pose2(), Pose2(x_m=1.0, y_m=-0.5, theta_rad=2.0)])
 def test_a_hit_before_the_robot_stops_it(pose: Pose2) -> None:
-    """The hits are in the map's frame."""
+    """The obstacles are in the map's frame."""
     command = limit(AHEAD, hits_m=pose.apply(np.array(((0.22, 0.0),))), pose=pose)
     assert command.twist == Twist2()
     assert "0.22 m ahead" in command.reason
@@ -109,6 +112,18 @@ def test_walls_of_the_map_count_where_the_lidar_does_not_look() -> None:
     assert limit(backwards, (pose.x_m + behind[0], pose.y_m), pose=pose).twist == Twist2()
     assert limit(backwards, behind, lost="the robot was moved") == AssistedCommand(twist=backwards)
     assert limit(AHEAD, (0.24, 0.0)) == AssistedCommand(twist=AHEAD)  # the lidar sees that it has gone
+
+
+def test_ground_never_seen_stops_the_robot_and_the_reason_says_what_to_do() -> None:
+    """It counts after the walls of the map, which are obstacles."""
+    command = limit(Twist2(v_m_s=-0.3), (-3.0, 2.0), unseen_m=np.array(((-0.226, 0.0),)))
+    assert command.twist == Twist2()
+    assert command.reason.startswith("stopped before ground that the lidar has never seen 0.23 m behind")
+    assert command.reason.endswith("look there first, or override the assistance")
+    arc = limit(Twist2(v_m_s=0.3, w_rad_s=1.0), unseen_m=np.array(((-0.19, -0.18), (-0.19, 0.18))))
+    assert arc.twist == Twist2(v_m_s=0.15), "straight ahead, until it has seen what its tail sweeps"
+    assert limit(AHEAD, unseen_m=np.array(((-0.24, 0.0),))).reason == ""
+    assert "an obstacle" in limit(Twist2(v_m_s=-0.3), (-0.24, 0.0), unseen_m=np.array(((-0.9, 0.0),))).reason
 
 
 def test_at_the_map_s_edge_the_rest_of_it_counts() -> None:
@@ -154,7 +169,7 @@ def test_the_walls_within_reach_count_and_no_others(x_m: float, y_m: float) -> N
     monitor, pose = Slowest(0.0), Pose2(x_m=x_m, y_m=y_m)
     teleop = AssistedTeleop(cast("Any", monitor), FieldOfView(range_m=0.0))
     state = RobotState(time_s=1.0, map_from_base=pose, twist=Twist2(), hits_in_map_m=EMPTY_M, scan_age_s=0.1)
-    teleop.limit(AHEAD, state, lambda: grid)
+    teleop.limit(AHEAD, state, NO_OBSTACLES, lambda: grid)
     expected_m = [
         (column_m - x_m, row_m - y_m)
         for row_m in -3.0 + 0.05 * (np.arange(120) + 0.5)

@@ -15,6 +15,7 @@ from thumper.common.geometry import Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry, WheelSpeeds
 from thumper.config.manual_drive import ManualDriveOptions
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.costmap.local_model import NO_OBSTACLES
 from thumper.navigation.goal import Goal
 from thumper.navigation.state import NavigationOutput, NavigationState
 from thumper.runtime.drive import drive_manager
@@ -50,7 +51,7 @@ class Bench:
             emergency_stop=self._emergency_stop,
             now_s=lambda: self.now_s + self.age_s,
         )
-        navigator = SimpleNamespace(set_goal=self.goals.append, update=self._plan)
+        navigator = SimpleNamespace(set_goal=self.goals.append, update=self._plan, obstacles=NO_OBSTACLES)
         self.manager = DriveManager(
             board=cast("Any", board),
             navigator=cast("Any", navigator),

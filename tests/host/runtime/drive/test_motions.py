@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.navigator import USUAL_PERIOD_S
 from thumper.navigation.safety.collision_monitor import CollisionMonitor, CollisionMonitorOptions
@@ -109,6 +110,27 @@ def test_the_corner_of_a_turning_robot_stops_before_a_post() -> None:
     end, pose, _ = drive(monitored(spin(math.pi, LIMITS, Pose2())), Pose2(), hits_m=post_m)
     assert not end.done
     assert pose.theta_rad < 1.0
+
+
+@pytest.mark.parametrize(
+    ("seen", "reason"),
+    [(0, "ground that the lidar has never seen"), (1, "an obstacle")],
+)
+def test_what_is_remembered_or_unseen_behind_the_robot_ends_the_motion(seen: int, reason: str) -> None:
+    """The newest scan shows nothing there. Only unseen ground is a reason to look."""
+    behind = ObstaclePoints(np.array([[-0.8, 0.0]]), np.zeros(1), seen)
+    monitor = CollisionMonitor(CollisionMonitorOptions(), LIMITS, Footprint())
+
+    def back() -> Motion:
+        return drive_on_heading(-1.0, LIMITS, Pose2())
+
+    end, pose, _ = drive(before_obstacles(back(), monitor, lambda _: behind, cure="look first"), Pose2())
+    assert not end.done
+    assert pose.x_m > -0.8 + 0.21
+    assert end.reason.startswith(f"stopped before {reason} ")
+    assert end.reason.endswith("look first") is not bool(seen)
+    end, _, _ = drive(before_obstacles(back(), monitor, lambda _: behind.without_unseen()), Pose2())
+    assert end.done is not bool(seen)
 
 
 def test_one_false_return_does_not_end_the_motion() -> None:
