@@ -27,7 +27,7 @@ ROUNDING_M = 1e-9
 UNSEEN = "ground that the lidar has never seen"
 NOISE_M_S, NOISE_RAD_S = 0.03, 0.06  # a slower measured twist may be noise
 # The centre of rotation of a skid-steered base is not fixed (Mandow 2007): it moves along the base by up to
-# this, so a turn shifts the base sideways.
+# this, so a turn shifts the base sideways. It hardly moves while a turn reverses, so the net angle counts.
 CENTRE_WANDER_M = 0.05
 
 
