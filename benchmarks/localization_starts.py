@@ -4,7 +4,8 @@ Run: python benchmarks/localization_starts.py [--starts N] [--moved M]
 
 Simulated rooms and a lidar of 4 m and 240 degrees, with M boxes that are not in the map. The pose is right
 within 0.15 m and 0.1 rad, lost if the localizer reports it as lost, and wrong otherwise. It is checked after
-the first scan and again after a drive of 14 steps of 0.1 m.
+the first scan, and after a drive of 14, 60 and 100 steps of 0.1 m, or of 17 degrees where the way is blocked.
+Proven wrong counts the starts with a pose more than 0.5 m off that the localizer has ever called proven.
 """
 
 import argparse
@@ -28,7 +29,8 @@ from thumper.slam.localization.amcl import Amcl
 from thumper_hil.world.world import World
 
 RANGE_M, OPENING_RAD, BEAMS, NOISE_M = 4.0, math.radians(240), 240, 0.015
-STEPS = 14
+CHECKED_AFTER = (0, 14, 60, 100)  # steps
+FAR_M = 0.5
 
 
 def box(x_m: float, y_m: float, width_m: float, height_m: float) -> FloatArray:
@@ -122,16 +124,20 @@ INITIAL_POSES: dict[str, Callable[[Room], Pose2 | None]] = {
 
 def localize(
     walls: FloatArray, moved: int, initial: Callable[[Room], Pose2 | None], seed: int
-) -> tuple[str, str]:
-    """Return the verdict after the first scan, and after the drive."""
+) -> tuple[list[str], bool]:
+    """Return the verdict after each number of steps, and whether a pose far off was ever proven."""
     room = Room(walls, moved, np.random.default_rng(seed))
     localizer, odometry = Amcl(room.map, map_from_base=initial(room), std_m=0.1, std_rad=0.05), Pose2()
     localizer.update(odometry, room.scan(), Twist2())
-    first = _verdict(localizer, room.true)
-    for _ in range(STEPS):
+    verdicts, proven_wrong = [_verdict(localizer, room.true)], False
+    for step in range(1, CHECKED_AFTER[-1] + 1):
         odometry = odometry @ room.drive()
         localizer.update(odometry, room.scan(), Twist2())
-    return first, _verdict(localizer, room.true)
+        if step in CHECKED_AFTER:
+            verdicts.append(_verdict(localizer, room.true))
+        is_far = localizer.map_from_base.distance_m(room.true) > FAR_M
+        proven_wrong |= localizer.proven and is_far and not localizer.quality().lost
+    return verdicts, proven_wrong
 
 
 def _verdict(localizer: Amcl, true: Pose2) -> str:
@@ -155,17 +161,19 @@ def main() -> None:
     parser.add_argument("--moved", type=int, default=0, help="number of boxes that are not in the map")
     arguments = parser.parse_args()
     for kind, initial in INITIAL_POSES.items():
-        first, after = Counter[str](), Counter[str]()
+        counts, proven_wrong = [Counter[str]() for _ in CHECKED_AFTER], 0
         for walls in ROOMS.values():
             for seed in range(arguments.starts):
-                one, other = localize(walls, arguments.moved, initial, seed)
-                first[one] += 1
-                after[other] += 1
-        counts = (
-            " / ".join(str(count[key]) for key in ("right", "lost", "wrong")) for count in (first, after)
+                verdicts, wrong = localize(walls, arguments.moved, initial, seed)
+                proven_wrong += wrong
+                for count, verdict in zip(counts, verdicts, strict=True):
+                    count[verdict] += 1
+        texts = (
+            f"{steps}: {' / '.join(str(count[key]) for key in ('right', 'lost', 'wrong'))}"
+            for steps, count in zip(CHECKED_AFTER, counts, strict=True)
         )
-        what = f"initial pose {kind}, {arguments.moved} unmapped boxes: right / lost / wrong"
-        figure(what, ", after a drive ".join(counts))
+        what = f"initial pose {kind}, {arguments.moved} unmapped boxes: right / lost / wrong after steps"
+        figure(what, f"{', '.join(texts)}; proven wrong {proven_wrong}")
 
 
 if __name__ == "__main__":

@@ -142,6 +142,11 @@ class Amcl:
         return self._trust.confirmed
 
     @property
+    def proven(self) -> bool:
+        """Whether scans over a metre have confirmed the pose, whoever gave it."""
+        return self._trust.proven
+
+    @property
     def particles(self) -> int:
         """Current number of particles."""
         return len(self._particles.poses)
