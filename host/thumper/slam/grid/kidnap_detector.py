@@ -21,6 +21,9 @@ MAX_STEP_M, MAX_STEP_RAD = 0.3, 0.3
 # Share of two scans in a row that is the same unless the robot was carried between them: with the motion by
 # odometry, and with that by the match, which itself seeks what is the same.
 SAME_VIEW, SAME_MATCHED_VIEW = 0.4, 0.6
+# Where places look alike, another one shows the same view. So many bad scans in a row, at different poses,
+# are a doubt for all that: more than this share of their beams contradicts the map.
+CONTRADICTED_SCANS, CONTRADICTED = 3, 0.3
 LOST_AFTER = 3  # scans: people and a bump spoil one or two
 
 
@@ -42,12 +45,13 @@ class KidnapDetector:
         self._trust: PoseTrust | None = None  # of the pose since a suspect scan
         self._usual_fit = 1.0  # of the scans before it
         self._doubtful = 0  # scans since then
+        self._contradicted = 0  # scans in a row that contradict the map
         self._moved_m = self._turned_rad = self._pushed_m = 0.0  # since the last scan that was weighed
 
     @property
     def doubtful(self) -> bool:
         """Whether the newest scan must not be inserted."""
-        return self._trust is not None
+        return self._trust is not None or self._contradicted > 0
 
     @property
     def suspect(self) -> bool:
@@ -96,18 +100,25 @@ class KidnapDetector:
                     self.reset()
             return
         contradicting, jumped = evidence.contradicting_share, pushed_m > JUMP_M + moved_m
-        if is_near and (jumped or self._is_suspect(fit, contradicting)) and not same_view():
+        if contradicting <= CONTRADICTED or fit >= SUSPECT_BELOW:
+            self._contradicted = 0
+        elif not self._contradicted or self._moved_m >= self._step_m or self._turned_rad >= self._step_rad:
+            self._contradicted += 1
+            self._restart_step()
+        suspect = is_near and (jumped or self._is_suspect(fit, contradicting)) and not same_view()
+        if suspect or (is_near and self._contradicted >= CONTRADICTED_SCANS):
             # The next scan decides first: one that is bad by itself must not count.
             self._trust, self._doubtful = PoseTrust(trusted=False), 1
             # Among trees or people a right pose fits no better than before.
             if self._fits:
                 self._usual_fit = max(MIN_USUAL_FIT, sum(self._fits) / len(self._fits))
             self._restart_step()
-        else:
+        elif not self._contradicted:
             self._fits.append(fit)
 
     def _end_doubt(self) -> None:
         self._trust, self._doubtful, self._usual_fit = None, 0, 1.0
+        self._contradicted = 0
 
     def _is_step(self, trust: PoseTrust) -> bool:
         moved = self._moved_m >= self._step_m or self._turned_rad >= self._step_rad

@@ -1,10 +1,12 @@
 """A robot that is carried away while it maps: nothing is inserted, and it is found again."""
 
+import math
+
 import numpy as np
 import pytest
 from benchmarks.shared.rooms import rectangle, room_scan
 
-from thumper.common.geometry import Pose2, Twist2
+from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import scan_points
 from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.grid.kidnap_detector import SAME_VIEW
@@ -33,20 +35,22 @@ def loop(start: Pose2, steps: int) -> list[Pose2]:
 
 
 def drive(
-    robot: SlamModeSwitch | GridMapper, poses: list[Pose2], odometry: Pose2
+    robot: SlamModeSwitch | GridMapper, poses: list[Pose2], odometry: Pose2, walls: FloatArray = ROOM
 ) -> tuple[Pose2, list[float], list[str]]:
     """Return odometry at the end, errors of the inserted scans, and the text `lost` at each scan."""
     rng, entered, lost = np.random.default_rng(3), [], []
     for k, pose in enumerate(poses):
         if k:
             odometry = odometry @ poses[k - 1].inverse() @ pose
-        update = robot.update(odometry, room_scan(pose, noise_m=0.01, rng=rng, walls=ROOM), STILL)
+        update = robot.update(odometry, room_scan(pose, noise_m=0.01, rng=rng, walls=walls), STILL)
         if update.integrated:
             entered.append(update.map_from_base.distance_m(pose))
         lost.append(robot.quality().lost)
     return odometry, entered, lost
 
 
+SYMMETRIC = np.concatenate((rectangle(-2.4, -2.0, 2.4, 2.0), rectangle(-0.1, -0.1, 0.1, 0.1)))
+PLACES = [Pose2(x_m=1.01, y_m=1.0, theta_rad=math.radians(-168.2)), Pose2(x_m=-1.2, y_m=0.9, theta_rad=1.0)]
 ELSEWHERE = [
     Pose2(x_m=1.2, y_m=-1.2, theta_rad=2.0),
     Pose2(x_m=-1.5, y_m=1.2, theta_rad=-1.0),
@@ -67,6 +71,22 @@ def test_carried_robot_enters_nothing_and_is_found_in_its_own_map(elsewhere: Pos
     assert max(entered, default=0.0) < 0.1
     assert robot.mode == "mapping"
     assert robot.quality().lost == ""
+
+
+@pytest.mark.parametrize("elsewhere", PLACES)
+def test_robot_carried_to_where_the_view_is_nearly_the_same_does_not_spoil_the_map(elsewhere: Pose2) -> None:
+    """A room with a post in its middle looks the same after half a turn: that place is as good."""
+    start, half_turn = Pose2(x_m=0.6, y_m=-1.0), Pose2(theta_rad=math.pi)
+    robot = SlamModeSwitch(GridMapper(map_from_base=start))
+    odometry, _, _ = drive(robot, loop(start, 64), Pose2(), SYMMETRIC)
+    rng = np.random.default_rng(3)
+    poses = loop(elsewhere, 40)
+    for k, pose in enumerate(poses):
+        odometry = odometry if k == 0 else odometry @ poses[k - 1].inverse() @ pose
+        scan = room_scan(pose, noise_m=0.01, rng=rng, walls=SYMMETRIC)
+        update = robot.update(odometry, scan, STILL)
+        error_m = min(update.map_from_base.distance_m(place) for place in (pose, half_turn @ pose))
+        assert error_m < 0.3 or not update.integrated
 
 
 def test_robot_carried_out_of_its_map_says_so() -> None:
