@@ -72,6 +72,13 @@ def test_a_held_command_does_not_touch_what_was_never_seen(
         assert robot.drive_manager.command == twist
 
 
+def test_a_program_may_turn_at_once(service: Service) -> None:
+    """A planner often begins with a turn, and judges unknown space itself."""
+    service.put(RobotCommand(name="arm"))
+    hold(service, TeleopSource.VELOCITY, Twist2(w_rad_s=0.8), 10)
+    assert service.robot.drive_manager.command.w_rad_s > 0.5
+
+
 def test_a_robot_does_not_back_into_a_wall_that_it_has_mapped(service: Service) -> None:
     service.put(RobotCommand(name="arm"))
     hold(service, TeleopSource.VELOCITY, AHEAD, 13)

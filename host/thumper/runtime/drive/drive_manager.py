@@ -203,7 +203,10 @@ class DriveManager:
         if manual is not None and self.mode is not DriveMode.IDLE:
             twist, assistance = limited_twist(manual.twist, self._options), ""
             if self._assisted_teleop is not None and now_s > self._override_until_s:
-                assisted = self._assisted_teleop.limit(twist, state, self.navigator.obstacles, grid)
+                obstacles = self.navigator.obstacles
+                if manual.source is TeleopSource.VELOCITY:  # its planner judges unknown space
+                    obstacles = obstacles.without_unseen()
+                assisted = self._assisted_teleop.limit(twist, state, obstacles, grid)
                 twist, assistance = assisted.twist, assisted.reason
             if manual.source is TeleopSource.VELOCITY:
                 self._drive_at(twist, assistance)
