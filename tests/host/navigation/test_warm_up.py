@@ -14,7 +14,6 @@ NOT_IN_THE_LOOP = {
     "thumper.navigation.planners.carrot",
     "thumper.navigation.planners.gradient_path",
     "thumper.slam.particle_filter",
-    "thumper.slam.pose_graph",
 }
 WARM = """
 import sys

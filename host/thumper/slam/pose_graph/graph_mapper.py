@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.lidar.deskew import HIT, ScanPoints
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
@@ -17,6 +18,7 @@ from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.mapper import MapperUpdate, PoseQuality
+from thumper.slam.pose_graph.kept_scan import keep_scan
 from thumper.slam.pose_graph.loop_closure import LoopOptions, LoopSearch
 from thumper.slam.pose_graph.map_rebuild import MapRebuild
 from thumper.slam.pose_graph.optimizer import Edge, Solver
@@ -118,6 +120,10 @@ class GraphMapper:
         """Compile the kernels, or load them from the cache, on a scratch map."""
         self._front_end.warm_up()
         self._search.warm_up()
+        beams = ScanPoints(
+            origins_m=np.zeros((1, 2)), ends_m=np.ones((1, 2)), kinds=np.array([HIT], np.uint8)
+        )
+        keep_scan(0, Pose2(), beams, np.zeros((2, 2)))
         edge = Edge(
             first=0, second=1, first_from_second=Pose2(), information=np.eye(3), loop=False, length_m=0.0
         )
