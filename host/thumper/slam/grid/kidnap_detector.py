@@ -100,13 +100,13 @@ class KidnapDetector:
                     self.reset()
             return
         contradicting, jumped = evidence.contradicting_share, pushed_m > JUMP_M + moved_m
-        if contradicting <= CONTRADICTED or fit >= SUSPECT_BELOW:
+        if not is_near or contradicting <= CONTRADICTED or fit >= SUSPECT_BELOW:
             self._contradicted = 0
         elif not self._contradicted or self._moved_m >= self._step_m or self._turned_rad >= self._step_rad:
             self._contradicted += 1
             self._restart_step()
         suspect = is_near and (jumped or self._is_suspect(fit, contradicting)) and not same_view()
-        if suspect or (is_near and self._contradicted >= CONTRADICTED_SCANS):
+        if suspect or self._contradicted >= CONTRADICTED_SCANS:
             # The next scan decides first: one that is bad by itself must not count.
             self._trust, self._doubtful = PoseTrust(trusted=False), 1
             # Among trees or people a right pose fits no better than before.

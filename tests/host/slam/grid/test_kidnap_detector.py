@@ -9,11 +9,13 @@ from benchmarks.shared.rooms import rectangle, room_scan
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import scan_points
 from thumper.slam.grid.grid_mapper import GridMapper
-from thumper.slam.grid.kidnap_detector import SAME_VIEW
+from thumper.slam.grid.kidnap_detector import SAME_VIEW, KidnapDetector
 from thumper.slam.grid.view_change import shared_view
 from thumper.slam.mode_switch import SlamModeSwitch
+from thumper.slam.scan_matching.beam_evidence import BeamEvidence
 
 STILL = Twist2()
+BAD = BeamEvidence(supports=np.zeros(0), explained=0.3, fit=0.1, contradicting_share=0.5)
 # 4.8 x 4 m with a cupboard, a table and a niche: no two places look alike.
 ROOM = np.concatenate(
     (
@@ -142,3 +144,13 @@ def test_shared_view_separates_a_step_from_another_place() -> None:
     )
     assert shared_view(before_m, after_m, step) > 0.7
     assert shared_view(before_m, other_m, Pose2()) < SAME_VIEW
+
+
+@pytest.mark.parametrize(("step_m", "doubtful"), [(0.2, True), (1.0, False)])
+def test_bad_scans_in_a_row_are_a_doubt_only_if_they_are_near(step_m: float, doubtful: bool) -> None:
+    """In a log with a scan for each metre each may show another room."""
+    detector, hits_m = KidnapDetector(0.1, 0.1), np.zeros((0, 2))
+    step = Pose2(x_m=step_m)
+    for _ in range(3):
+        detector.update(BAD, hits_m, step, step)
+        assert detector.doubtful == doubtful
