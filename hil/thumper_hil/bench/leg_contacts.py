@@ -44,6 +44,8 @@ class LegContacts:
     def check(self, pose: Pose2, legs_m: FloatArray, elapsed_s: float) -> None:
         """Count the legs, shape (n, 3), that touch the outline at `pose` and did not before."""
         self._time_s += elapsed_s
+        before = self._poses[-1][1] if self._poses else pose
+        self._append(self._poses, pose)
         befores = [self._before_of(leg) for leg in legs_m]
         # Two legs may have the same one before them.
         self._paths = [deque() if k is None else self._paths[k].copy() for k in befores]
@@ -58,9 +60,8 @@ class LegContacts:
             if _clearance_m(outline_m, leg) <= (CLEAR_M if touched else 0.0):
                 touching.add(index)
                 if not touched:
-                    self._judge(pose, leg, self._paths[index][0][1], elapsed_s)
+                    self._judge(pose, before, leg, self._paths[index][0][1], elapsed_s)
         self._touching = touching
-        self._append(self._poses, pose)
 
     def _append(self, history: deque[tuple[float, T]], newest: T) -> None:
         """Add the newest entry; drop those older than `RESPONSE_S`."""
@@ -74,9 +75,10 @@ class LegContacts:
         nearest = int(np.argmin(away_m)) if away_m else 0
         return nearest if away_m and away_m[nearest] < FURTHEST_STEP_M else None
 
-    def _judge(self, pose: Pose2, leg: FloatArray, leg_then: FloatArray, elapsed_s: float) -> None:
-        before = self._poses[-1][1] if self._poses else pose
-        pose_then = self._poses[0][1] if self._poses else pose
+    def _judge(
+        self, pose: Pose2, before: Pose2, leg: FloatArray, leg_then: FloatArray, elapsed_s: float
+    ) -> None:
+        pose_then = self._poses[0][1]
         # The point of the body at the leg, carried back to where it was one step before.
         leg_m, outline_m = leg[:2], pose.apply(self._footprint_m)
         moved_m = leg_m - before.apply(pose.inverse().apply(leg_m[None, :]))[0]

@@ -53,6 +53,15 @@ def test_a_foot_put_down_in_the_way_is_the_persons(rested_s: float, expected: tu
     assert (contacts.by_robot, contacts.by_people) == expected
 
 
+def test_a_tie_is_the_persons() -> None:
+    """Both come equally fast; all lengths are exact in binary."""
+    contacts = LegContacts(np.array([[-0.25, -0.125], [0.25, -0.125], [0.25, 0.125], [-0.25, 0.125]]))
+    for tick in range(100):
+        along_m = (tick - 50) / 512
+        contacts.check(Pose2(x_m=along_m), np.array([[0.3125 - along_m, 0.0, 0.0625]]), TICK_S)
+    assert (contacts.by_robot, contacts.by_people) == (0, 1)
+
+
 def test_a_side_that_swings_into_a_passing_leg_is_the_robots() -> None:
     contacts = LegContacts(FOOTPRINT_M)
     for tick in range(40):
