@@ -46,7 +46,7 @@ class CollisionMonitorOptions:
 
 def with_cure(stop_reason: str, cure: str) -> str:
     """Return the reason of a stop and, if the robot stopped before unseen ground, what to do about it."""
-    return f"{stop_reason}; {cure}" if UNSEEN in stop_reason else stop_reason
+    return f"{stop_reason}; {cure}" if cure and UNSEEN in stop_reason else stop_reason
 
 
 @kernel

@@ -12,10 +12,12 @@ from thumper.navigation.safety.collision_monitor import (
     CREEP_FRACTION,
     DEEPER_M,
     STEP_S,
+    UNSEEN,
     CollisionMonitor,
     CollisionMonitorOptions,
     deepening_point,
     steps_to_contact,
+    with_cure,
 )
 from thumper.navigation.speed_limits import SpeedLimits, WheelRamp, stoppable_speed
 
@@ -388,3 +390,9 @@ def test_options_have_limits(option: str, good: float, wrong: float) -> None:
     options.validate_python({option: good})
     with pytest.raises(ValueError, match=option):
         options.validate_python({option: wrong})
+
+
+def test_a_cure_follows_the_reason_of_unseen_ground_alone() -> None:
+    assert with_cure(UNSEEN, "drive ahead") == f"{UNSEEN}; drive ahead"
+    assert with_cure(UNSEEN, "") == UNSEEN
+    assert with_cure("an obstacle", "drive ahead") == "an obstacle"
