@@ -8,7 +8,6 @@ from thumper.common.geometry import Twist2
 from thumper.runtime.requests import (
     EmergencyStop,
     GoTo,
-    OverrideAssistance,
     RobotCommand,
     TeleopSource,
     Velocity,
@@ -89,8 +88,8 @@ def test_an_unconfirmed_emergency_stop_asks_to_cut_the_power(service: Service) -
 def test_velocity_of_another_program_is_controlled_and_the_keyboard_outranks_it(service: Service) -> None:
     service.put(RobotCommand(name="arm"))
     turn = Velocity(channel=TeleopSource.VELOCITY, twist=Twist2(w_rad_s=0.8))
-    for _ in range(20):  # nobody has seen the ground that the tail sweeps
-        service.put(turn, OverrideAssistance())
+    for _ in range(20):
+        service.put(turn)
     state = service.robot.inputs.estimator.state()
     assert state is not None
     assert (service.mode, service.telemetry.state) == ("holding", State.CLOSED_LOOP)

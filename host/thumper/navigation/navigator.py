@@ -126,9 +126,13 @@ class Navigator:
         grid: OccupancyGrid,
         hits_in_map: FloatArray,
         *,
+        lost: str,
         frames: ScanFrames,
     ) -> None:
-        """Bring `obstacles` up to date in a cycle without `update`; the arguments are those of `update`."""
+        """Bring `obstacles` up to date in a cycle without `update`; the arguments are those of `update`.
+
+        Never raises: after an error `obstacles` are the hits of the scan alone.
+        """
         cycle = CycleInput(
             time_s=time_s,
             map_from_base=map_from_base,
@@ -137,10 +141,16 @@ class Navigator:
             hits_in_map_m=hits_in_map,
             scan_pose=frames.map_from_base,
             map_from_odom=frames.map_from_odom,
-            lost="",
+            lost=lost,
             period_s=USUAL_PERIOD_S,
         )
-        self._parts.model.observe(cycle)
+        try:
+            self._parts.model.observe(cycle)
+        except Exception as error:
+            # An exception would end manual driving, too, and with it the way out.
+            self._parts.model.see_only(hits_in_map)
+            reason = f"internal error in navigation: {type(error).__name__}: {error}"
+            self._transitions.record(time_s, self._state.value, reason, "")
 
     def set_goal(self, goal: Goal) -> None:
         """Start driving to a goal; replaces the current goal."""

@@ -17,6 +17,7 @@ from thumper.navigation.planners.astar import AStarPlanner
 from thumper.navigation.planners.goal_validation import validate_goal
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
 from thumper.navigation.recovery.progress_checker import ProgressCheck, ProgressChecker, ProgressOptions
+from thumper.navigation.state import ScanFrames
 
 NO_HITS = np.empty((0, 2))
 A = Goal(x_m=1.0, y_m=0.0)
@@ -81,6 +82,15 @@ def test_internal_error_stops_with_a_reason() -> None:
     assert output.command == Twist2()
     assert output.state is NavigationState.FAILED
     assert "internal error" in output.reason
+
+
+def test_an_error_while_something_else_drives_leaves_the_newest_scan() -> None:
+    """It must not end manual driving, and with it the way out."""
+    navigator, hits_m = make(), np.array(((0.5, 0.0), (np.nan, 0.0)))
+    frames = ScanFrames(Pose2(x_m=math.nan), Pose2())
+    navigator.observe(0.0, Pose2(x_m=math.nan), free_grid(), hits_m, lost="", frames=frames)
+    assert navigator.obstacles.points_m.tolist() == [[0.5, 0.0]]
+    assert navigator.obstacles.seen == 1
 
 
 def test_unknown_names_are_rejected_at_start() -> None:

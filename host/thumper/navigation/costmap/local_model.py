@@ -8,7 +8,7 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
-from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from thumper.navigation.costmap.bands import build_band
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_window, window_of
 from thumper.navigation.costmap.filters import Masks
@@ -68,7 +68,8 @@ class LocalModel:
         self._planning_memory = ObstacleMemory(memory, memory.planning_radius_m, view, radius_m)
         self._unseen = UnseenGround(footprint, view)
         self._reference: CycleInput | None = None  # see `_follow_map`
-        self.jumped = False  # the map has jumped in this cycle
+        self.jumped = False  # the map has jumped since the last `update`
+        self._jumped_meanwhile = False  # in a cycle of `observe` alone
         self.costmap: Costmap | None = None  # of the newest cycle, for planning
         self.local_costmap: Costmap | None = None  # finer, round the robot, for the controllers
         self.pose_costmap: Costmap | None = None  # the same with unseen ground open, if there is any
@@ -93,6 +94,8 @@ class LocalModel:
         seen_m = np.vstack((self.hits_m, near_m))
 
         window = window_of(cycle.grid, base, self._options)
+        if cycle.lost:  # what the map shows is somewhere else
+            window.cells.fill(UNKNOWN)
         unseen_m = self._unseen.update(window, base, self.hits_m, scan_pose)
         error_m = self._control_memory.position_error_m
         self.obstacles = ObstaclePoints(
@@ -102,9 +105,15 @@ class LocalModel:
         )
         return window, unseen_m
 
+    def see_only(self, hits_in_map_m: FloatArray) -> None:
+        """Let `obstacles` be these hits, shape (n, 2), without memory and unseen ground."""
+        hits_m = hits_in_map_m[np.isfinite(hits_in_map_m).all(axis=1)]
+        self.obstacles = ObstaclePoints(hits_m, np.zeros(len(hits_m)), len(hits_m))
+
     def update(self, cycle: CycleInput) -> Costmap | None:
         """Process a cycle's map and hits; return the costmap for planning, None until it is complete."""
         window, unseen_m = self.observe(cycle)
+        self.jumped, self._jumped_meanwhile = self._jumped_meanwhile, False
         base, seen_m = cycle.map_from_base, self.obstacles.points_m[: self.obstacles.seen]
         confirmed_m = self.hits_m[confirmed_hits(self.hits_m)]
         far_m = self._planning_memory.update(
@@ -143,7 +152,6 @@ class LocalModel:
 
     def _follow_map(self, cycle: CycleInput) -> None:
         """Move all that is remembered with the map if that has jumped."""
-        self.jumped = False
         last = self._reference
         if last is None:
             self._reference = cycle
@@ -154,9 +162,10 @@ class LocalModel:
         corrected_rad = abs(math.remainder(new_from_old.theta_rad, math.tau))
         moved = here.inverse() @ cycle.map_from_base  # by odometry
         moved_m, moved_rad = math.hypot(moved.x_m, moved.y_m), abs(math.remainder(moved.theta_rad, math.tau))
-        self.jumped = corrected_m > JUMP_M + moved_m or corrected_rad > JUMP_RAD + moved_rad
-        if self.jumped:
+        jumped = corrected_m > JUMP_M + moved_m or corrected_rad > JUMP_RAD + moved_rad
+        if jumped:
+            self._jumped_meanwhile = True
             for remembered in (self._control_memory, self._planning_memory, self._unseen):
                 remembered.move(new_from_old)
-        if self.jumped or moved_m > REFERENCE_M or moved_rad > REFERENCE_RAD:
+        if jumped or moved_m > REFERENCE_M or moved_rad > REFERENCE_RAD:
             self._reference = cycle

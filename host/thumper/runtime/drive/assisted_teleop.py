@@ -13,7 +13,7 @@ from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OCCUPIED, OccupancyGrid
 from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.navigator import USUAL_PERIOD_S
-from thumper.navigation.safety.collision_monitor import CollisionMonitor, with_cure
+from thumper.navigation.safety.collision_monitor import UNSEEN, CollisionMonitor, with_cure
 from thumper.runtime.sensor_inputs import BLIND_S
 from thumper.runtime.state_estimator import RobotState
 
@@ -62,19 +62,23 @@ class AssistedTeleop:
         candidates = [Twist2(v_m_s=f * slow.v_m_s, w_rad_s=f * slow.w_rad_s) for f in FRACTIONS]
         if twist.v_m_s and twist.w_rad_s:
             candidates.append(Twist2(w_rad_s=slow.w_rad_s))
-        if twist.w_rad_s and twist.v_m_s > 0.0:  # until it has seen the ground that its tail would sweep
-            candidates.append(Twist2(v_m_s=FRACTIONS[1] * slow.v_m_s))
-        reason = ""
-        for candidate in candidates:
-            stop = self._monitor.stop_reason(
+
+        def stop_reason(candidate: Twist2) -> str | None:
+            return self._monitor.stop_reason(
                 candidate, state.twist, points_m, error_m, USUAL_PERIOD_S, seen=seen
             )
-            if stop is None:
-                near = "" if slow == twist else NEAR
-                reason = f"slowed; {with_cure(reason, CURE)}" if reason else near
-                return AssistedCommand(twist=candidate, reason=reason)
-            reason = reason or stop
-        return AssistedCommand(twist=Twist2(), reason=with_cure(reason, CURE))
+
+        wanted_stop = stop_reason(candidates[0])
+        if wanted_stop is None:
+            return AssistedCommand(twist=slow, reason="" if slow == twist else NEAR)
+        if UNSEEN in wanted_stop and twist.w_rad_s and twist.v_m_s > 0.0:
+            # Straight on, until the lidar has seen the ground that the tail would sweep.
+            candidates.append(Twist2(v_m_s=FRACTIONS[1] * slow.v_m_s))
+        stopped = with_cure(wanted_stop, CURE)
+        for candidate in candidates[1:]:
+            if stop_reason(candidate) is None:
+                return AssistedCommand(twist=candidate, reason=f"slowed; {stopped}")
+        return AssistedCommand(twist=Twist2(), reason=stopped)
 
     def _points_in_base(
         self, state: RobotState, obstacles: ObstaclePoints, grid: Callable[[], OccupancyGrid]

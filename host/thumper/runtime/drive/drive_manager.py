@@ -198,7 +198,9 @@ class DriveManager:
             return None
         now_s = time.monotonic()
         manual = self.mux.active(now_s)
-        if manual is not None or self.mode is not DriveMode.DRIVING:  # else the navigator updates them
+        # The navigator itself does it while it drives. A parked robot does not: what passes beside it, out of
+        # the lidar's view, would stay remembered.
+        if manual is not None or self.mode not in (DriveMode.DRIVING, DriveMode.IDLE):
             self._observe(state, grid)
         if manual is not None and self.mode is not DriveMode.IDLE:
             twist, assistance = limited_twist(manual.twist, self._options), ""
@@ -283,7 +285,12 @@ class DriveManager:
             x_m, y_m = state.map_from_base.x_m, state.map_from_base.y_m
             around = grid().including(x_m, y_m, ROBOT_MARGIN_M)
             self.navigator.observe(
-                state.time_s, state.map_from_base, around, state.hits_in_map_m, frames=state.frames
+                state.time_s,
+                state.map_from_base,
+                around,
+                state.hits_in_map_m,
+                lost=state.lost,
+                frames=state.frames,
             )
 
     def _navigate(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:

@@ -1,6 +1,7 @@
 """What the robot remembers: it follows a jump of the map; of mixed pixels only the controllers know."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.state import CycleInput
 
 POST_IN_BASE = np.array(((-0.35, 0.10),))
+NO_HITS = np.empty((0, 2))
 AWAY = Pose2(theta_rad=math.pi)
 GRID = OccupancyGrid(cells=np.zeros((160, 160), np.int8), resolution_m=0.05, origin_x_m=-4.0, origin_y_m=-4.0)
 
@@ -90,3 +92,20 @@ def test_mixed_pixels_do_not_close_the_way_for_the_planner() -> None:
     rows, cols = costmap.cells_of(np.array(((1.0, 0.0), (1.8, 0.05))))
     assert (costmap.costs[rows, cols] == 254).tolist() == [True, False]
     assert costmap.costs[rows[1], cols[1]] < 253
+
+
+def test_a_jump_between_two_goals_is_known_to_the_next_update() -> None:
+    model = LocalModel(CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), FieldOfView())
+    model.update(cycle(0.0, Pose2(), NO_HITS, Pose2()))
+    model.observe(cycle(0.1, Pose2(y_m=0.4), NO_HITS, Pose2(y_m=0.4)))
+    model.update(cycle(0.2, Pose2(y_m=0.4), NO_HITS, Pose2(y_m=0.4)))
+    assert model.jumped
+    model.update(cycle(0.3, Pose2(y_m=0.4), NO_HITS, Pose2(y_m=0.4)))
+    assert not model.jumped
+
+
+@pytest.mark.parametrize("lost", ["", "several places look alike"])
+def test_a_lost_robot_has_seen_no_ground_by_its_map(lost: str) -> None:
+    model = LocalModel(CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), FieldOfView())
+    model.observe(replace(cycle(0.0, Pose2(), NO_HITS, Pose2()), lost=lost))
+    assert (len(model.obstacles.points_m) > model.obstacles.seen) == bool(lost)

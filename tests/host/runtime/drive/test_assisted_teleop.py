@@ -120,8 +120,11 @@ def test_ground_never_seen_stops_the_robot_and_the_reason_says_what_to_do() -> N
     assert command.twist == Twist2()
     assert command.reason.startswith("stopped before ground that the lidar has never seen 0.23 m behind")
     assert command.reason.endswith("look there first, or override the assistance")
-    arc = limit(Twist2(v_m_s=0.3, w_rad_s=1.0), unseen_m=np.array(((-0.19, -0.18), (-0.19, 0.18))))
+    beside_tail_m = np.array(((-0.19, -0.18), (-0.19, 0.18)))
+    arc = limit(Twist2(v_m_s=0.3, w_rad_s=1.0), unseen_m=beside_tail_m)
     assert arc.twist == Twist2(v_m_s=0.15), "straight ahead, until it has seen what its tail sweeps"
+    blocked = limit(Twist2(v_m_s=0.3, w_rad_s=1.0), hits_m=beside_tail_m)
+    assert blocked.twist == Twist2(), "who steers away must not be driven straight on"
     assert limit(AHEAD, unseen_m=np.array(((-0.24, 0.0),))).reason == ""
     assert "an obstacle" in limit(Twist2(v_m_s=-0.3), (-0.24, 0.0), unseen_m=np.array(((-0.9, 0.0),))).reason
 

@@ -17,7 +17,7 @@ from thumper.config.manual_drive import ManualDriveOptions
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.local_model import NO_OBSTACLES
 from thumper.navigation.goal import Goal
-from thumper.navigation.state import NavigationOutput, NavigationState
+from thumper.navigation.state import NavigationOutput, NavigationState, ScanFrames
 from thumper.runtime.drive import drive_manager
 from thumper.runtime.drive.assisted_teleop import AssistedCommand
 from thumper.runtime.drive.drive_manager import BY_PROGRAM, DriveManager, DriveMode
@@ -51,8 +51,14 @@ class Bench:
             emergency_stop=self._emergency_stop,
             now_s=lambda: self.now_s + self.age_s,
         )
-        navigator = SimpleNamespace(set_goal=self.goals.append, update=self._plan, obstacles=NO_OBSTACLES)
-        self.manager = DriveManager(
+        self.observed: list[DriveMode] = []
+        navigator = SimpleNamespace(
+            set_goal=self.goals.append,
+            update=self._plan,
+            observe=lambda *_, **__: self.observed.append(self.manager.mode),
+            obstacles=NO_OBSTACLES,
+        )
+        self.manager: DriveManager = DriveManager(
             board=cast("Any", board),
             navigator=cast("Any", navigator),
             drive=DriveGeometry(),
@@ -80,6 +86,7 @@ class Bench:
                 twist=Twist2(),
                 hits_in_map_m=np.empty((0, 2)),
                 scan_age_s=scan_age_s,
+                frames=ScanFrames(Pose2(), Pose2()),
             )
             output = self.manager.step(read(**telemetry), state, lambda: GRID)
         return output
@@ -135,6 +142,20 @@ def test_goal_arms_and_each_cycle_sends_what_the_navigator_wants(bench: Bench) -
     assert bench.take() == [wheels(0.2)]
     bench.manager.start(GOAL, None)  # replaces the goal, is armed already
     assert (bench.take(), bench.manager.source) == ([], "")
+
+
+def test_obstacles_are_watched_in_each_cycle_in_which_something_else_may_drive(bench: Bench) -> None:
+    bench.step(3)
+    assert bench.observed == [], "what passes a parked robot out of view would stay remembered"
+    bench.manager.arm(None)
+    bench.step()
+    bench.hold(AHEAD)
+    bench.step()
+    assert bench.observed == [DriveMode.HOLDING, DriveMode.HOLDING]
+    bench.now_s += 1.0  # the manual command has expired
+    bench.manager.start(GOAL, None)
+    bench.step(2)
+    assert len(bench.observed) == 2, "the navigator does it itself"
 
 
 def test_wheels_are_never_faster_than_the_motors_allow(bench: Bench) -> None:
