@@ -101,7 +101,10 @@ HEADLINES: tuple[tuple[str, str], ...] = (
     ("localization_logs", "localization inside: confirmed right / never / wrong"),
     ("navigation", "the robot's loop, navigation: share of a core"),
     ("navigation_barn", "BARN x 0.61, dwa + cascade, nominal, 0.5 m/s, seed 0: successes"),
-    ("navigation_people", "people crossing, 10 scenes at 0.4 m/s: robot drove into a person, arrived"),
+    (
+        "navigation_people",
+        "people crossing, nominal, 10 scenes at 0.4 m/s: robot drove into a person, arrived",
+    ),
     ("page_load", "page, first paint, empty cache"),
 )
 """Benchmark and beginning of the row, for the overview."""
