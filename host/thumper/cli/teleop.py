@@ -35,8 +35,9 @@ def teleop(
 ) -> None:
     """Drive a running robot manually with keyboard or gamepad; this cancels its current goal.
 
-    The robot drives only while you hold a key or the gamepad's button. When you release it, or if this
-    program, the gamepad or the network fails, the robot stops within 0.5 s.
+    The robot drives only while you hold a key or the gamepad's button; the first press of a key counts for
+    0.6 s. If this program, the gamepad or the network fails, the last command ends within 0.6 s, and the
+    robot stops.
 
     Examples:
 
