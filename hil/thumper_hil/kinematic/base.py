@@ -60,8 +60,10 @@ class KinematicBase:
         self._rims_m_s = [
             step_toward(rim, to, change) for rim, to in zip(self._rims_m_s, targets, strict=True)
         ]
-        left_m, right_m = np.array(self._rims_m_s) * TICK_S * self._radii_m / self._drive.wheel_radius_m
-        growth = self._body.track_growth_s * abs(self.twist.w_rad_s) + self._track_noise.step(self._rng)
+        left_rad, right_rad = (rim * TICK_S / self._drive.wheel_radius_m for rim in self._rims_m_s)
+        left_m, right_m = self._radii_m * (left_rad, right_rad)
+        yaw_rad_s = abs(right_rad - left_rad) / TICK_S * self._body.wheel_radius_m / self._body.track_m
+        growth = self._body.track_growth_s * yaw_rad_s + self._track_noise.step(self._rng)
         turn_rad = float(right_m - left_m) / (self._track_m * (1.0 + growth))
         centre_m = self._centre_m + self._centre_noise.step(self._rng)
         moved = Pose2(x_m=0.5 * float(left_m + right_m), y_m=-centre_m * turn_rad)
