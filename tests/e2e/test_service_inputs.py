@@ -5,7 +5,7 @@ import numpy as np
 from tests.e2e.service import Service
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Twist2
-from thumper.runtime.requests import RobotCommand, TeleopSource, Velocity
+from thumper.runtime.requests import OverrideAssistance, RobotCommand, TeleopSource, Velocity
 
 BACK = Twist2(v_m_s=-0.3)
 WHILE_LOW = 1
@@ -16,7 +16,7 @@ def test_a_bumper_stops_the_robot_at_a_wall_and_tells_why(service: Service) -> N
     assert service.ask("parameters/set", {"input_1": WHILE_LOW})["ok"]
     service.put(RobotCommand(name="arm"))
     while service.bench.contacts == 0:
-        service.put(Velocity(channel=TeleopSource.GAMEPAD, twist=BACK))
+        service.put(Velocity(channel=TeleopSource.GAMEPAD, twist=BACK), OverrideAssistance())
         assert service.bench.time_s < 30.0
     touched_s = service.bench.time_s
     service.until(lambda: service.telemetry.state is State.FAULT, max_cycles=2)
@@ -35,7 +35,7 @@ def test_the_accelerometer_notices_a_wall(service: Service) -> None:
     service.put(RobotCommand(name="arm"))
     while service.bench.contacts == 0:
         assert service.telemetry.fault is Fault.NONE
-        service.put(Velocity(channel=TeleopSource.GAMEPAD, twist=BACK))
+        service.put(Velocity(channel=TeleopSource.GAMEPAD, twist=BACK), OverrideAssistance())
         assert service.bench.time_s < 30.0
     service.until(lambda: service.telemetry.state is State.FAULT, max_cycles=2)
     assert service.telemetry.fault is Fault.IMPACT
