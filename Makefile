@@ -86,6 +86,7 @@ reference: $(VENV)/.dev
 docs: firmware $(VENV)/.dev
 	@$(BIN)/zensical build --clean --strict
 	@scripts/build-browser site $(BIN)/python
+	@echo 'The site is in site/: open site/index.html'
 
 wheel: firmware $(VENV)/.release
 	@rm -f dist/*_$$(uname -m).whl

@@ -170,7 +170,14 @@ class PlainCommand(ErrorsWithContext, PlainTypes, OptionPanels, TyperCommand):
                 parameter.metavar = str(parameter.name).upper()
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Join the pairs of repeated options, `--waypoint X Y`, to X,Y: Typer has no list of pairs."""
+        """Join the pairs of repeated options, `--waypoint X Y`, to X,Y: Typer has no list of pairs.
+
+        Refuse an option that is given twice but takes one value: Click would drop the first without a word.
+        """
+        for parameter in self.params:
+            names = [word.partition("=")[0] for word in args].count
+            if not getattr(parameter, "multiple", False) and sum(map(names, parameter.opts)) > 1:
+                raise UsageError(f"{parameter.opts[0]} is given twice, but takes one value", ctx)
         pairs = {
             name
             for parameter in self.params

@@ -52,6 +52,7 @@ def test_unknown_option_of_each_command(refusal: Refusal, words: tuple[str, ...]
         ("goto 1 -0.5 --tolerence=1", "goto: no such option --tolerence; did you mean --tolerance? See"),
         ("goto -1 north", "goto: invalid value for 'Y': 'north' is not a number; see `thumper goto --help`"),
         ("goto north 1", "'north' is not a number; a goal is X Y or the name of a place"),
+        ("run --goal 1 0 --goal=2 0", "run: --goal is given twice, but takes one value; see `thumper run"),
         ("run --goal 1", "run: option '--goal' requires 2 arguments; see `thumper run --help`"),
         ("tune --lane", "tune: option '--lane' requires an argument; see `thumper tune --help`"),
         ("run --tolerance 7", "run: invalid value for '--tolerance': "),
