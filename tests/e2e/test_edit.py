@@ -90,7 +90,8 @@ def test_invalid_edits(thumper: Run, tmp_path: Path) -> None:
         ((lab, "--trim", "--out", tmp_path), "is a directory; name the new map"),
         ((tmp_path / "none.yaml", "--trim"), "none.yaml"),
     ):
-        done = thumper("edit", "--out", tmp_path / "new.yaml", *arguments)
+        out = () if "--out" in arguments else ("--out", tmp_path / "new.yaml")
+        done = thumper("edit", *out, *arguments)
         refused(done, word)
         assert done.returncode == 2
     assert not (tmp_path / "new.yaml").exists()
