@@ -17,7 +17,8 @@ from thumper_hil.lidars.rplidar import RplidarC1
 
 def diagnose(*arguments: str, answer: str = "y\n") -> tuple[int, list[dict[str, Any]]]:
     """Run the doctor for one second per link; return its exit code and its checks."""
-    done = CliRunner().invoke(build_app(), ["doctor", "--seconds", "1", "--json", *arguments], input=answer)
+    seconds = [] if "--seconds" in arguments else ["--seconds", "1"]
+    done = CliRunner().invoke(build_app(), ["doctor", *seconds, "--json", *arguments], input=answer)
     report = json.loads(done.stdout)
     assert report["ok"] == (done.exit_code == 0)
     checks: list[dict[str, Any]] = report["checks"]
