@@ -174,9 +174,9 @@ class PlainCommand(ErrorsWithContext, PlainTypes, OptionPanels, TyperCommand):
 
         Refuse an option that is given twice but takes one value: Click would drop the first without a word.
         """
+        given = [word.partition("=")[0] for word in args]
         for parameter in self.params:
-            names = [word.partition("=")[0] for word in args].count
-            if not getattr(parameter, "multiple", False) and sum(map(names, parameter.opts)) > 1:
+            if not getattr(parameter, "multiple", False) and sum(map(given.count, parameter.opts)) > 1:
                 raise UsageError(f"{parameter.opts[0]} is given twice, but takes one value", ctx)
         pairs = {
             name

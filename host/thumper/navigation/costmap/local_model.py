@@ -33,6 +33,12 @@ class ObstaclePoints(NamedTuple):
     position_error_m: FloatArray  # shape (n,), a bound of each point's error
     seen: int  # the points before this index are obstacles, the others are unseen ground
 
+    @classmethod
+    def of_hits(cls, hits_m: FloatArray) -> "ObstaclePoints":
+        """Return a scan's hits alone, shape (n, 2); rows that are not finite are left out."""
+        finite_m = hits_m[np.isfinite(hits_m).all(axis=1)]
+        return cls(finite_m, np.zeros(len(finite_m)), len(finite_m))
+
     def without_unseen(self) -> "ObstaclePoints":
         """Return the obstacles alone."""
         return ObstaclePoints(self.points_m[: self.seen], self.position_error_m[: self.seen], self.seen)
@@ -107,8 +113,7 @@ class LocalModel:
 
     def see_only(self, hits_in_map_m: FloatArray) -> None:
         """Let `obstacles` be these hits, shape (n, 2), without memory and unseen ground."""
-        hits_m = hits_in_map_m[np.isfinite(hits_in_map_m).all(axis=1)]
-        self.obstacles = ObstaclePoints(hits_m, np.zeros(len(hits_m)), len(hits_m))
+        self.obstacles = ObstaclePoints.of_hits(hits_in_map_m)
 
     def update(self, cycle: CycleInput) -> Costmap | None:
         """Process a cycle's map and hits; return the costmap for planning, None until it is complete."""

@@ -8,8 +8,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from thumper.common.geometry import Pose2, Twist2, wrap_angle
 from thumper.navigation.controllers.rotate_in_place import SLOWEST_TURN_RAD_S
 from thumper.navigation.costmap.local_model import ObstaclePoints
@@ -128,8 +126,7 @@ def spin(angle_rad: float, limits: SpeedLimits, start: Pose2) -> Motion:
 
 def of_newest_scan(state: RobotState) -> ObstaclePoints:
     """Return the hits of the newest scan, in the map."""
-    hits_m = state.hits_in_map_m[np.isfinite(state.hits_in_map_m).all(axis=1)]
-    return ObstaclePoints(hits_m, np.zeros(len(hits_m)), len(hits_m))
+    return ObstaclePoints.of_hits(state.hits_in_map_m)
 
 
 def before_obstacles(

@@ -93,7 +93,7 @@ class KidnapDetector:
             self._end_doubt()
         if self._trust is not None:
             self._doubtful += 1
-            if self._is_step(self._trust):
+            if self._has_moved or not self._trust.weighed:
                 self._trust.update(min(1.0, fit / self._usual_fit), 1.0, self._moved_m, self._pushed_m)
                 self._restart_step()
                 if not self._trust.doubt:
@@ -102,7 +102,7 @@ class KidnapDetector:
         contradicting, jumped = evidence.contradicting_share, pushed_m > JUMP_M + moved_m
         if not is_near or contradicting <= CONTRADICTED or fit >= SUSPECT_BELOW:
             self._contradicted = 0
-        elif not self._contradicted or self._moved_m >= self._step_m or self._turned_rad >= self._step_rad:
+        elif not self._contradicted or self._has_moved:
             self._contradicted += 1
             self._restart_step()
         suspect = is_near and (jumped or self._is_suspect(fit, contradicting)) and not same_view()
@@ -120,9 +120,9 @@ class KidnapDetector:
         self._trust, self._doubtful, self._usual_fit = None, 0, 1.0
         self._contradicted = 0
 
-    def _is_step(self, trust: PoseTrust) -> bool:
-        moved = self._moved_m >= self._step_m or self._turned_rad >= self._step_rad
-        return moved or not trust.weighed
+    @property
+    def _has_moved(self) -> bool:
+        return self._moved_m >= self._step_m or self._turned_rad >= self._step_rad
 
     def _restart_step(self) -> None:
         self._moved_m = self._turned_rad = self._pushed_m = 0.0
