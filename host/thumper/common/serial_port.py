@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -188,6 +189,7 @@ def no_such_port(url: str, name: str) -> ThumperError:
     )
 
 
+@cache  # it reads the metadata of all installed packages
 def _register_plugins() -> None:
     for plugin in entry_points(group="thumper.serial_protocols"):
         if plugin.value not in serial.protocol_handler_packages:

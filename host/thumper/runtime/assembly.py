@@ -29,7 +29,9 @@ from thumper.lidar.open_lidar import open_lidar
 from thumper.lidar.self_returns import SelfReturnFilter
 from thumper.maps.annotations import Annotations
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.navigation.footprint import Footprint
 from thumper.navigation.navigator import Navigator
+from thumper.navigation.options import NavigationOptions
 from thumper.navigation.safety.collision_monitor import CollisionMonitor
 from thumper.navigation.speed_limits import WheelRamp
 from thumper.navigation.warm_up import warm_up as warm_up_navigation
@@ -58,7 +60,8 @@ from thumper.runtime.service.simulator_control import HasSimulator
 from thumper.runtime.service.wheels import read_feed_forward
 from thumper.runtime.state_estimator import StateEstimator
 from thumper.runtime.tag_anchors import TagAnchors
-from thumper.slam.factory import make_mapper
+from thumper.slam.factory import MappingOptions, make_mapper
+from thumper.slam.localization.options import AmclOptions
 from thumper.slam.mode_switch import SlamModeSwitch
 from thumper.slam.mounting import MountCheck
 from thumper.slam.saved_state import SavedSlamState
@@ -431,9 +434,16 @@ def geometry_of(drive: DriveOptions, identity: Identity) -> DriveOptions:
     return replace(drive, stated=GEOMETRY)
 
 
-@lru_cache
 def warm_up(config: RobotConfig) -> None:
     """Compile the kernels, or load them from the cache: once, though a campaign opens hundreds of robots."""
-    robot_mapper(config, Pose2()).warm_up()
+    _warm_up(config.mapping, config.localization, config.navigation, config.footprint)
+
+
+@lru_cache
+def _warm_up(
+    mapping: MappingOptions, localization: AmclOptions, navigation: NavigationOptions, footprint: Footprint
+) -> None:
+    """Take only what decides which kernels are compiled: the ports differ from robot to robot."""
+    robot_mapper(RobotConfig(mapping=mapping, localization=localization), Pose2()).warm_up()
     MountCheck(Pose2()).warm_up()
-    warm_up_navigation(config.navigation, config.footprint)
+    warm_up_navigation(navigation, footprint)

@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import pytest
 
-from thumper.config.robot import RobotConfig
+from thumper.config.robot import RobotConfig, with_ports
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.options import NavigationOptions
 from thumper.runtime import assembly
@@ -17,10 +17,11 @@ def test_robots_with_the_same_options_warm_up_once(monkeypatch: pytest.MonkeyPat
         warmed.append(options)
 
     monkeypatch.setattr(assembly, "warm_up_navigation", note)
-    assembly.warm_up.cache_clear()
+    assembly._warm_up.cache_clear()
     config = RobotConfig()
     other = replace(config, navigation=replace(config.navigation, planner="navfn"))
-    for each in (config, RobotConfig(), other, config):
+    elsewhere = with_ports(config, board="sim://other/board", lidar="")
+    for each in (config, elsewhere, other, config):
         assembly.warm_up(each)
-    assembly.warm_up.cache_clear()  # without navigation, these do not count
+    assembly._warm_up.cache_clear()  # without navigation, these do not count
     assert warmed == [config.navigation, other.navigation]

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.numba_kernel import kernel
 from thumper.lidar.field_of_view import FieldOfView
 
 BIN_RAD = math.radians(1.0)
@@ -29,6 +30,11 @@ class Evidence(IntEnum):
     SILENT = 4  # beams went there, and no echo came back
 
 
+HIDDEN, SEEN = int(Evidence.HIDDEN), int(Evidence.SEEN)  # a compiled kernel takes plain numbers
+PASSED, SILENT = int(Evidence.PASSED), int(Evidence.SILENT)
+NO_GAPS = (np.empty(0), 0.0)  # all directions are silent
+
+
 def ray_evidence(
     view: FieldOfView, map_from_base: Pose2, hits_m: FloatArray, points_m: FloatArray, depth_m: float
 ) -> NDArray[np.int64]:
@@ -39,10 +45,7 @@ def ray_evidence(
     """
     bearing_rad, range_m = view.bearings_and_ranges(map_from_base, points_m)
     hit_rad, hit_m = view.bearings_and_ranges(map_from_base, hits_m)
-    there_m = _nearest_echoes_m(hit_rad, hit_m)[_bins(bearing_rad)]
-    found = np.where(_is_between_echoes(hit_rad, bearing_rad), Evidence.PASSED, Evidence.SILENT)
-    found[there_m <= range_m + depth_m] = Evidence.SEEN
-    found[there_m < range_m - depth_m] = Evidence.HIDDEN
+    found = _evidence(bearing_rad, range_m, _nearest_echoes_m(hit_rad, hit_m), *_gaps(hit_rad), depth_m)
     found[~view.contains(bearing_rad, range_m, edge_rad=BIN_RAD)] = Evidence.OUT_OF_VIEW
     return found
 
@@ -70,32 +73,17 @@ class Look:
         """Return which places, shape (n, 2) in map [m], were in view, with no echo from there or nearer."""
         bearing_rad, range_m = self._view.bearings_and_ranges(self._map_from_base, points_m)
         in_view = self._view.contains(bearing_rad, range_m, edge_rad=BIN_RAD)
-        return in_view & (range_m < self._echoes_m[_bins(bearing_rad)])
+        evidence = _evidence(bearing_rad, range_m, self._echoes_m, *NO_GAPS, 0.0)
+        return np.asarray(in_view & (evidence == Evidence.SILENT))
 
 
-def _nearest_echoes_m(hit_rad: FloatArray, hit_m: FloatArray) -> FloatArray:
-    """Return the range of the nearest echo in and beside each bin, shape (BINS,); inf without one."""
-    nearest_m: FloatArray = np.full(BINS, np.inf)
-    np.minimum.at(nearest_m, _bins(hit_rad), hit_m)
-    around_m = np.concatenate((nearest_m[-1:], nearest_m, nearest_m[:1]))  # `np.roll` is slow
-    return np.asarray(np.minimum(np.minimum(around_m[:-2], nearest_m), around_m[2:]))
-
-
-def _bins(bearing_rad: FloatArray) -> NDArray[np.int64]:
-    return ((bearing_rad + math.pi) / BIN_RAD).astype(np.int64) % BINS
-
-
-def _is_between_echoes(hit_rad: FloatArray, bearing_rad: FloatArray) -> NDArray[np.bool_]:
-    """Return which directions, shape (n,), lie between two echoes without a silent beam between them."""
+def _gaps(hit_rad: FloatArray) -> tuple[FloatArray, float]:
+    """Return the directions of the echoes in order, and the widest gap that holds no silent beam [rad]."""
     if hit_rad.size < 2:
-        return np.zeros(bearing_rad.size, np.bool_)
+        return NO_GAPS
     ordered = np.sort(hit_rad)
     ordered = np.concatenate((ordered[-1:] - math.tau, ordered, ordered[:1] + math.tau))
-    gaps = ordered[1:] - ordered[:-1]
-    limit_rad = min(MAX_GAP_RAD, GAP_BEAMS * _median(gaps))
-    after = np.minimum(np.maximum(np.searchsorted(ordered, bearing_rad), 1), ordered.size - 1)
-    between: NDArray[np.bool_] = gaps[after - 1] <= limit_rad
-    return between
+    return ordered, min(MAX_GAP_RAD, GAP_BEAMS * _median(ordered[1:] - ordered[:-1]))
 
 
 def _median(values: FloatArray) -> float:
@@ -103,3 +91,46 @@ def _median(values: FloatArray) -> float:
     low, high = (values.size - 1) // 2, values.size // 2
     ordered = np.partition(values, (low, high))
     return 0.5 * float(ordered[low] + ordered[high])
+
+
+@kernel
+def _bin(bearing_rad: float) -> int:
+    return int((bearing_rad + math.pi) / BIN_RAD) % BINS
+
+
+@kernel
+def _nearest_echoes_m(hit_rad: FloatArray, hit_m: FloatArray) -> FloatArray:
+    """Return the range of the nearest echo in and beside each bin, shape (BINS,); inf without one."""
+    nearest_m = np.full(BINS, np.inf)
+    for k in range(len(hit_rad)):
+        centre = _bin(hit_rad[k])
+        for index in (centre - 1, centre, centre + 1):
+            nearest_m[index % BINS] = min(nearest_m[index % BINS], hit_m[k])
+    return nearest_m
+
+
+@kernel
+def _evidence(
+    bearing_rad: FloatArray,
+    range_m: FloatArray,
+    nearest_m: FloatArray,
+    ordered_rad: FloatArray,
+    gap_rad: float,
+    depth_m: float,
+) -> NDArray[np.int64]:
+    """Return the evidence about each place, shape (n,), as if all were in view.
+
+    `ordered_rad` are the echoes' directions in order; a wider gap than `gap_rad` holds a silent beam.
+    """
+    found = np.empty(len(bearing_rad), np.int64)
+    for k in range(len(bearing_rad)):
+        there_m = nearest_m[_bin(bearing_rad[k])]
+        if there_m < range_m[k] - depth_m:
+            found[k] = HIDDEN
+        elif there_m <= range_m[k] + depth_m:
+            found[k] = SEEN
+        else:
+            after = min(max(np.searchsorted(ordered_rad, bearing_rad[k]), 1), len(ordered_rad) - 1)
+            is_between = len(ordered_rad) > 0 and ordered_rad[after] - ordered_rad[after - 1] <= gap_rad
+            found[k] = PASSED if is_between else SILENT
+    return found
