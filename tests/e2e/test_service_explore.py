@@ -58,7 +58,7 @@ def test_a_robot_at_rest_between_two_frontiers_is_cancelled_too(service: Service
         return result
 
     service.robot.drive_manager.reason = "at the goal (1.00, 0.00)"
-    service.robot._tasks.begin_at_once(choose(), "page")
+    service.robot._tasks.begin_at_once(choose())
     service.run_cycles(5)
     assert service.robot.drive_manager.reason == "choosing a frontier"  # it is not at a goal of the user
     service.put(RobotCommand(name="cancel"))
@@ -68,7 +68,7 @@ def test_a_robot_at_rest_between_two_frontiers_is_cancelled_too(service: Service
 
 def test_after_a_wait_the_robot_reports_what_it_did_before(service: Service) -> None:
     service.robot.drive_manager.reason = "at the goal (1.00, 0.00)"
-    service.robot._tasks.begin_at_once(wait(0.3), "page")
+    service.robot._tasks.begin_at_once(wait(0.3))
     service.run_cycles(8)
     assert service.robot.drive_manager.reason == "at the goal (1.00, 0.00)"
 

@@ -135,16 +135,16 @@ def _check_frame(frame: str) -> None:
         raise RequestRefusedError(f"frame {frame!r} is not supported; use the frame map")
 
 
-def _read_goal(msg: Message, source: str) -> Request:
+def _read_goal(msg: Message, _source: str) -> Request:
     _check_frame(msg.header.frame_id)
-    return GoTo(goals=(_goal(msg.pose),), source=source)
+    return GoTo(goals=(_goal(msg.pose),))
 
 
-def _read_waypoints(msg: Message, source: str) -> Request:
+def _read_waypoints(msg: Message, _source: str) -> Request:
     _check_frame(msg.header.frame_id)
     if not 0 < len(msg.poses) <= MAX_WAYPOINTS:
         raise RequestRefusedError(f"{len(msg.poses)} waypoints; send 1 to {MAX_WAYPOINTS}")
-    return GoTo(goals=tuple(_goal(stamped.pose) for stamped in msg.poses), source=source)
+    return GoTo(goals=tuple(_goal(stamped.pose) for stamped in msg.poses))
 
 
 def _read_initial_pose(msg: Message, _source: str) -> Request:

@@ -30,7 +30,7 @@ READOUTS = (
     ("counts", "Encoders", "counts since the board's reset"),
     ("rtt", "Page to server", "round-trip time of this page's heartbeat"),
     ("pages", "Open pages", "pages connected now"),
-    ("operator", "Operator", "page that controls the robot, which stops if its heartbeats end"),
+    ("operator", "Operator", "page that controls the robot; tuning stops if its heartbeats end"),
 )
 
 GPS_READOUTS = (

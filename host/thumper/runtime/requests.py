@@ -147,7 +147,6 @@ class GoTo:
     """Drive to these goals, one after another."""
 
     goals: tuple[Goal, ...]
-    source: str = ""  # the client: if it sends heartbeats under this name, they must not stop
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,7 +165,7 @@ class OverrideAssistance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heartbeat:
-    """The client is alive."""
+    """The client is alive: the experiment that it started may go on."""
 
     source: str = ""
 

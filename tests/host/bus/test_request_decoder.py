@@ -49,7 +49,6 @@ def goal_with_orientation_x(x: float) -> Any:
 def test_a_goal() -> None:
     decoded = request("goal", M.goal(0.0, HERE))
     assert isinstance(decoded, GoTo)
-    assert decoded.source == "me"
     goal = decoded.goals[0]
     assert (goal.x_m, goal.y_m, goal.theta_rad) == pytest.approx((1.0, -2.0, 0.5))
 

@@ -1,7 +1,7 @@
 """Decides once per cycle what the wheels do: follow a goal, obey manual commands, stop, or nothing.
 
-All motion passes through here. Faults, emergency stops and lost clients end a drive; manual commands
-override it.
+All motion passes through here. Faults and emergency stops end a drive; manual commands override it.
+A drive to a goal does not depend on the client that sent it; a manual command expires soon.
 """
 
 import math
@@ -22,7 +22,6 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.runtime.drive.assisted_teleop import AssistedTeleop
 from thumper.runtime.drive.data_age import DataAge
-from thumper.runtime.drive.heartbeats import HeartbeatMonitor
 from thumper.runtime.drive.manual_pwm import FeedForward, limited_twist, manual_pwm
 from thumper.runtime.drive.twist_mux import COMMAND_TIMEOUT_S, ManualCommand, TwistMux
 from thumper.runtime.requests import TeleopSource, Velocity
@@ -76,11 +75,9 @@ class DriveManager:
         self._assisted_teleop = assisted_teleop
         self._override_until_s = -math.inf
         self.mux = TwistMux()
-        self.heartbeats = HeartbeatMonitor()
         self.mode = DriveMode.IDLE
         self.reason = ""
         self.goal: Goal | None = None
-        self.source = ""  # who sent the goal
         self.outcome: DriveOutcome | None = None  # of the last drive, once it has ended
         self.command = Twist2()  # as last sent to the wheels
         self.stops = 0  # how often a client has stopped the robot or driven it manually
@@ -99,16 +96,14 @@ class DriveManager:
         """Whether the robot is armed, and no one moves it."""
         return self.mode is DriveMode.HOLDING and self.command == Twist2()
 
-    def start(
-        self, goal: Goal, telemetry: Telemetry | None, *, source: str = "", clear_fault: bool = False
-    ) -> None:
+    def start(self, goal: Goal, telemetry: Telemetry | None, *, clear_fault: bool = False) -> None:
         """Arm and start to drive; a new goal replaces the current one."""
         if self.mode not in (DriveMode.DRIVING, DriveMode.HOLDING):
             self._arm(telemetry, clear_fault=clear_fault)
         self.navigator.set_goal(goal)
         self._cruise = Twist2()  # of a motion that this goal replaces
         self.outcome, self.is_waiting, self._data_age = None, False, DataAge()
-        self.goal, self.source = goal, source
+        self.goal = goal
         self.mode, self.reason = DriveMode.DRIVING, ""
 
     def arm(self, telemetry: Telemetry | None) -> None:
@@ -219,9 +214,6 @@ class DriveManager:
             self._manually_armed = True
             self._hold(RELEASED)
         elif self.mode is DriveMode.DRIVING:
-            if self.heartbeats.is_lost(self.source, now_s):
-                self.disarm("the dashboard that sent the goal is gone; send it again")
-                return None
             return self._navigate(state, grid)
         elif self.mode is DriveMode.STOPPING:
             self._brake(telemetry)

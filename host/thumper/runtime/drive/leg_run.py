@@ -61,8 +61,8 @@ class LegRun:
         """Whether the leg only waited for its start."""
         return self.has_started and isinstance(self.leg, Wait) and self.leg.duration_s == 0.0
 
-    def start_if_ready(self, source: str = "") -> None:
-        """Start the leg if it has not started and the robot is ready for it; `source` sent the goal.
+    def start_if_ready(self) -> None:
+        """Start the leg if it has not started and the robot is ready for it.
 
         Raises
         ------
@@ -70,9 +70,9 @@ class LegRun:
             The leg is refused: no scans, a latched fault, an impossible goal. Nothing has moved.
         """
         if not self.has_started and self._gate.is_open():
-            self.start(source)
+            self.start()
 
-    def start(self, source: str = "") -> None:
+    def start(self) -> None:
         """Start the leg now.
 
         Raises
@@ -90,9 +90,7 @@ class LegRun:
         match self.leg:
             case Leg():
                 self._goal_limits.check(self.leg.goal)
-                manager.start(
-                    self.leg.goal, self._inputs.telemetry, source=source, clear_fault=self.leg.clear_fault
-                )
+                manager.start(self.leg.goal, self._inputs.telemetry, clear_fault=self.leg.clear_fault)
             case Cruise():
                 manager.arm(self._inputs.telemetry)
                 manager.cruise(self.leg.twist)

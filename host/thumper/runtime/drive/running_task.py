@@ -12,9 +12,8 @@ from thumper.runtime.drive_result import DriveResult
 class RunningTask:
     """The only place that resumes a task. `leg` is the present leg, None once the task is over."""
 
-    def __init__(self, task: Task, source: str = "") -> None:
-        """Take the first leg; `source` is the client that sent the task, if one did."""
-        self.source = source
+    def __init__(self, task: Task) -> None:
+        """Take the first leg."""
         self.leg: AnyLeg | None = None
         self.is_over = False
         self._task = task

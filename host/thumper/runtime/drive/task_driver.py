@@ -29,7 +29,7 @@ class TaskDriver:
         """Make `task` the present one; its first leg starts as soon as the robot is ready."""
         self.task, self._leg, self._display = task, None, display
 
-    def begin_at_once(self, task: Task, source: str) -> None:
+    def begin_at_once(self, task: Task) -> None:
         """Start the first leg of a client's task, which replaces the present one.
 
         If the task first waits, the robot stops: nothing may continue the motion that was replaced.
@@ -39,12 +39,12 @@ class TaskDriver:
         ThumperError
             The leg is refused; the present task goes on.
         """
-        running = RunningTask(task, source)
+        running = RunningTask(task)
         assert running.leg is not None  # each task has a leg
         if isinstance(running.leg, Wait) and self._drive_manager.mode is not DriveMode.IDLE:
             self._drive_manager.stop("replaced by another task")
         leg = self._leg_run(running.leg)
-        leg.start(source)
+        leg.start()
         if self.task is not None:
             self.task.end("replaced by another goal")
         self.task, self._leg, self._display = running, leg, NoDisplay()
@@ -71,7 +71,7 @@ class TaskDriver:
             self._leg = self._leg_run(self.task.leg)
             self._display.started(self.task.leg)
         try:
-            self._leg.start_if_ready(self.task.source)
+            self._leg.start_if_ready()
         except ThumperError as refusal:
             self._refuse(refusal)
             return False

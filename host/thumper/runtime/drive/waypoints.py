@@ -65,7 +65,6 @@ class WaypointMission:
 
     number: int
     waypoints: Waypoints
-    source: str
     leg: int = 0
     state: MissionState = MissionState.DRIVING
     reason: str = ""
@@ -97,11 +96,11 @@ class Missions:
         """Return a mission by its number; None if it is unknown or forgotten."""
         return self._missions.get(number)
 
-    def start(self, waypoints: Waypoints, source: str) -> WaypointMission:
+    def start(self, waypoints: Waypoints) -> WaypointMission:
         """Start a new mission; it ends the active one."""
         self.end("replaced by another goal")
         self._last += 1
-        return self._store(WaypointMission(number=self._last, waypoints=waypoints, source=source))
+        return self._store(WaypointMission(number=self._last, waypoints=waypoints))
 
     def set_leg(self, number: int, leg: int) -> None:
         """Note which leg of a mission is driven; ignore an unknown mission."""

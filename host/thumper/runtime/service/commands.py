@@ -24,7 +24,7 @@ class Commands:
         inputs: SensorInputs,
         publisher: Publisher,
         preconditions: Preconditions,
-        starters: Mapping[str, Callable[[str], str]],
+        starters: Mapping[str, CommandHandler],
         handlers: Mapping[str, CommandHandler],
     ) -> None:
         """`starters` start the task that a client requests; `handlers` are those of other packages."""
@@ -43,8 +43,8 @@ class Commands:
             "disarm": self._disarm,
         }
 
-    def run(self, name: str, source: str = "") -> str:
-        """Carry out a command of the client `source`; raise ThumperError if it is impossible now."""
+    def run(self, name: str) -> str:
+        """Carry out a command; raise ThumperError if it is impossible now."""
         if name not in COMMANDS:
             raise ThumperError(f"unknown command {name!r}; choose from: {', '.join(COMMANDS)}")
         stops = name in ("cancel", "disarm")
@@ -55,7 +55,7 @@ class Commands:
         if command := self._drive_commands.get(name):
             return command()
         if starter := self._starters.get(name):
-            return starter(source)
+            return starter()
         handler = self.handlers.get(name)
         if handler is None:
             raise ThumperError(f"this run does not support {name.replace('_', ' ')}")

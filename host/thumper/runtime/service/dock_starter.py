@@ -41,22 +41,22 @@ class DockStarter:
         """Whether the robot has what it needs to dock."""
         return self._docking.is_possible
 
-    def dock(self, source: str) -> str:
+    def dock(self) -> str:
         """Start to dock; raise ThumperError if that is impossible now."""
-        return self._start("dock", lambda docking: docking.dock(), source)
+        return self._start("dock", lambda docking: docking.dock())
 
-    def undock(self, source: str) -> str:
+    def undock(self) -> str:
         """Start to undock; raise ThumperError if that is impossible now."""
-        return self._start("undock", lambda docking: docking.undock(), source)
+        return self._start("undock", lambda docking: docking.undock())
 
-    def _start(self, name: str, task_of: Callable[[Docking], Task], source: str) -> str:
+    def _start(self, name: str, task_of: Callable[[Docking], Task]) -> str:
         self._preconditions.require_serving("docking")
         self._preconditions.require_no_experiment()
         if not self.is_possible:
             raise ThumperError("docking needs a camera: set [camera] enabled = true")
         if not self._inputs.has_map:
             raise ThumperError(f"cannot {name} yet: there is no map to plan with; is the lidar on?")
-        self._task_driver.begin_at_once(self._reported(name, task_of(self._docking)), source)
+        self._task_driver.begin_at_once(self._reported(name, task_of(self._docking)))
         return f"{name}ing"
 
     def _reported(self, name: str, task: Task) -> Task:

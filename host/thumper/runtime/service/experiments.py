@@ -134,11 +134,11 @@ class LentBoard(Board):
 class Experiments:
     """At most one is requested or runs; the output of the newest is kept."""
 
-    def __init__(self, heartbeats: HeartbeatMonitor) -> None:
+    def __init__(self) -> None:
+        self.heartbeats = HeartbeatMonitor()  # of the clients: an experiment may end beside an obstacle
         self.running = ""
         self.source = ""  # who requested it
         self.requested = ""  # but not started yet
-        self._heartbeats = heartbeats
         self._stop_reason = ""
         self._lane_m = 0.0
         self._progress: tuple[int, int, str] = (0, 0, "")
@@ -197,7 +197,7 @@ class Experiments:
             loop.step_lent(samples)
             telemetry = loop.inputs.telemetry
             armed = telemetry is not None and telemetry.state is not State.DISARMED
-            if armed and self._heartbeats.is_lost(self.source, time.monotonic()):
+            if armed and self.heartbeats.is_lost(self.source, time.monotonic()):
                 self.stop("the dashboard that started it is gone")
             if self._stop_reason:
                 raise ThumperError(self._stop_reason)

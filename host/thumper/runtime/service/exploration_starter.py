@@ -40,7 +40,7 @@ class ExplorationStarter:
         self._publisher = publisher
         self._preconditions = preconditions
 
-    def start(self, source: str) -> str:
+    def start(self) -> str:
         """Start to explore; raise ThumperError if that is impossible now."""
         self._preconditions.require_serving("exploration")
         self._preconditions.require_no_experiment()
@@ -51,7 +51,7 @@ class ExplorationStarter:
         if isinstance(mapper, SwitchesMode) and mapper.is_localizing:
             raise ThumperError("the robot localizes and does not map; switch it with `thumper mode map`")
         home = home_at(state.map_from_base)
-        self._task_driver.begin_at_once(self._explore(home), source)
+        self._task_driver.begin_at_once(self._explore(home))
         return f"exploring, for {LIMIT_S / 60.0:.0f} minutes at most; then back to {home}"
 
     def _explore(self, home: Goal) -> Task:

@@ -77,9 +77,9 @@ class LowBattery:
         try:
             home = self._home() or HOME
             if home == self.options.place and self.docks.is_possible:
-                self.docks.dock("")
+                self.docks.dock()
             else:
-                self.missions.start((parse_goal({"place": home}, self.annotations.value),), "")
+                self.missions.start((parse_goal({"place": home}, self.annotations.value),))
             self.publisher.publish_event(f"driving to the place {home!r}", WARN)
         except ThumperError as refusal:
             self.publisher.publish_event(f"cannot drive home: {refusal}", WARN)

@@ -32,17 +32,15 @@ class MissionStarter:
         self._publisher = publisher
         self._preconditions = preconditions
 
-    def start(
-        self, goals: tuple[Goal, ...], source: str, *, rounds: int = 1, waits_s: tuple[float, ...] = ()
-    ) -> int:
+    def start(self, goals: tuple[Goal, ...], *, rounds: int = 1, waits_s: tuple[float, ...] = ()) -> int:
         """Start a mission and return its number; raise ThumperError if that is impossible."""
         self._preconditions.require_serving("others")
         self._preconditions.require_no_experiment()
         if not self._inputs.has_map:
             raise ThumperError("no goals are accepted yet: there is no map to plan with; is the lidar on?")
         waypoints = Waypoints(goals=goals, rounds=rounds, waits_s=waits_s)
-        self._task_driver.begin_at_once(self._follow(waypoints, self.missions.next_number), source)
-        return self.missions.start(waypoints, source).number
+        self._task_driver.begin_at_once(self._follow(waypoints, self.missions.next_number))
+        return self.missions.start(waypoints).number
 
     def state(self, number: int | None) -> MissionStatus:
         """Return the state of a mission, by default the newest; raise ThumperError if it is unknown."""

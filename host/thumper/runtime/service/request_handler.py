@@ -80,7 +80,7 @@ class RequestHandler:
         docking: Docking,
     ) -> None:
         self.simulation = SimulatorControl(simulator)
-        self.experiments = Experiments(drive_manager.heartbeats)
+        self.experiments = Experiments()
         self.board_jobs = BoardJobQueue()
         self.annotations = storage.annotations
         self.docking = docking
@@ -200,12 +200,12 @@ class RequestHandler:
             case OverrideAssistance():
                 self._drive_manager.override_assistance(received_s)
             case Heartbeat():
-                self._drive_manager.heartbeats.record(request.source, received_s)
+                self.experiments.heartbeats.record(request.source, received_s)
             case EmergencyStop():
                 self.experiments.stop("emergency stop")
                 self._drive_manager.emergency_stop()
             case GoTo():
-                self._missions.start(request.goals, request.source)
+                self._missions.start(request.goals)
             case RobotCommand():
                 self._commands.run(request.name)
             case SetPose():
@@ -292,20 +292,20 @@ class RequestHandler:
         wheels.take_parameters(self._inputs.estimator, reply.values)
         return reply
 
-    def _send_mission(self, request: SendMission, source: str) -> MissionStarted:
+    def _send_mission(self, request: SendMission, _source: str) -> MissionStarted:
         content = dict(request_content(request))
         if (label := content.pop("object", None)) is not None:
             content = self._object_goals.content(str(label), content)
         goal = parse_goal(content, self.annotations.value, self._inputs.estimator.map_datum())
-        return MissionStarted(mission=self._missions.start((goal,), source))
+        return MissionStarted(mission=self._missions.start((goal,)))
 
-    def _follow_mission(self, content: Mapping[str, Any], source: str) -> MissionStarted:
+    def _follow_mission(self, content: Mapping[str, Any], _source: str) -> MissionStarted:
         datum = self._inputs.estimator.map_datum()
         goals, waits_s, rounds = parse_goals(content, self.annotations.value, datum)
-        return MissionStarted(mission=self._missions.start(goals, source, rounds=rounds, waits_s=waits_s))
+        return MissionStarted(mission=self._missions.start(goals, rounds=rounds, waits_s=waits_s))
 
-    def _run_command(self, request: RunCommand, source: str) -> Text:
-        return Text(text=self._commands.run(request.command, source))
+    def _run_command(self, request: RunCommand, _source: str) -> Text:
+        return Text(text=self._commands.run(request.command))
 
     def _change_simulation(self, content: Mapping[str, Any], _source: str) -> Text:
         return Text(text=self.simulation.apply(content))

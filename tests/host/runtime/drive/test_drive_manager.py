@@ -129,7 +129,7 @@ def test_idle_robot_sends_nothing(bench: Bench) -> None:
 
 
 def test_goal_arms_and_each_cycle_sends_what_the_navigator_wants(bench: Bench) -> None:
-    bench.manager.start(GOAL, None, source="me")
+    bench.manager.start(GOAL, None)
     assert (bench.take(), bench.goals, bench.manager.mode) == ([ARM], [GOAL], DriveMode.DRIVING)
     assert bench.step() is bench.output
     assert bench.take() == [wheels(0.2)]
@@ -141,7 +141,7 @@ def test_goal_arms_and_each_cycle_sends_what_the_navigator_wants(bench: Bench) -
     bench.manager.resend_command()
     assert bench.take() == [wheels(0.2)]
     bench.manager.start(GOAL, None)  # replaces the goal, is armed already
-    assert (bench.take(), bench.manager.source) == ([], "")
+    assert bench.take() == []
 
 
 def test_obstacles_are_watched_in_each_cycle_in_which_something_else_may_drive(bench: Bench) -> None:
@@ -510,16 +510,6 @@ def test_manual_command_ends_with_the_motors_off(bench: Bench) -> None:
     bench.manager.arm(None)
     bench.step()
     assert bench.take() == [ARM, ZERO]
-
-
-def test_goal_ends_when_its_client_goes_silent(bench: Bench) -> None:
-    bench.manager.start(GOAL, None, source="page")
-    bench.manager.heartbeats.record("page", bench.now_s)
-    assert bench.step(3) is not None
-    bench.take()
-    assert bench.step() is None
-    assert (bench.take(), bench.manager.mode) == ([DISARM], DriveMode.IDLE)
-    assert "is gone" in bench.manager.reason
 
 
 def test_old_data_holds_the_robot_and_ends_the_drive(bench: Bench) -> None:

@@ -8,7 +8,7 @@ A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=2.0, y_m=0.0)
 
 def test_legs_in_order_and_the_end_after_the_last() -> None:
     missions = Missions()
-    number = missions.start(Waypoints(goals=(A, B)), "page").number
+    number = missions.start(Waypoints(goals=(A, B))).number
     missions.set_leg(number, 1)
     missions.end("there", reached=True)
     mission = missions.find(number)
@@ -19,14 +19,14 @@ def test_legs_in_order_and_the_end_after_the_last() -> None:
 def test_the_leg_of_an_unknown_mission_is_ignored() -> None:
     missions = Missions()
     missions.set_leg(missions.next_number, 1)
-    mission = missions.start(Waypoints(goals=(A, B)), "")
+    mission = missions.start(Waypoints(goals=(A, B)))
     assert (mission.number, mission.leg) == (1, 0)
 
 
 def test_a_new_goal_ends_the_old_one() -> None:
     missions = Missions()
-    old = missions.start(Waypoints(goals=(A,)), "").number
-    missions.start(Waypoints(goals=(B,)), "")
+    old = missions.start(Waypoints(goals=(A,))).number
+    missions.start(Waypoints(goals=(B,)))
     mission = missions.find(old)
     assert mission is not None
     assert mission.state is MissionState.FAILED
@@ -36,15 +36,15 @@ def test_a_new_goal_ends_the_old_one() -> None:
 def test_end_without_an_active_mission_returns_none() -> None:
     missions = Missions()
     assert missions.end("stopped") is None
-    missions.start(Waypoints(goals=(A,)), "")
+    missions.start(Waypoints(goals=(A,)))
     missions.end("there", reached=True)
     assert missions.end("stopped") is None
 
 
 def test_old_missions_are_forgotten() -> None:
     missions = Missions()
-    first = missions.start(Waypoints(goals=(A,)), "").number
+    first = missions.start(Waypoints(goals=(A,))).number
     for _ in range(MAX_MISSIONS):
-        missions.start(Waypoints(goals=(B,)), "")
+        missions.start(Waypoints(goals=(B,)))
     assert missions.find(first) is None
     assert missions.newest is not None
