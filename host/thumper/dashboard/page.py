@@ -13,7 +13,7 @@ from nicegui import ui
 from thumper.dashboard.board_parameters import Parameters
 from thumper.dashboard.gains_panel import GainsPanel
 from thumper.dashboard.simulator_panel import SimulatorPanel
-from thumper.dashboard.widgets import STATIC, Widget, box, button, inline
+from thumper.dashboard.widgets import STATIC, Widget, box, button, inline, show_loading
 from thumper.ros.service import QueryClient
 
 READOUTS = (
@@ -66,6 +66,7 @@ class PageOptions:
 def build_page(options: PageOptions, robot: QueryClient) -> None:
     """Build the page for one browser."""
     ui.colors(primary="#2f81f7", negative="#d1242f", positive="#1a7f37", dark="#18222d", dark_page="#0f1720")
+    show_loading()
     for sheet in ("uplot/uPlot.min.css", "style.css"):
         ui.add_css(STATIC / sheet)
     dark = ui.dark_mode(value=None)

@@ -34,6 +34,7 @@ from thumper.dashboard.page_commands import PageCommands, TeleopLimits
 from thumper.dashboard.page_state import TOPICS, PageState
 from thumper.dashboard.playback import add_playback
 from thumper.dashboard.server_limits import TimedProtocol, drop_abandoned_pages, limit_log, raise_file_limit
+from thumper.dashboard.static_cache import StaticCache
 from thumper.dashboard.widgets import STATIC
 from thumper.ros import services
 
@@ -109,7 +110,10 @@ def build_app(
         docs_url=None,
         redoc_url=None,
         openapi_url=None,
-        middleware=[Middleware(AccessControl, hosts=hosts, password=options.password, secure=options.secure)],
+        middleware=[
+            Middleware(AccessControl, hosts=hosts, password=options.password, secure=options.secure),
+            Middleware(StaticCache),
+        ],
     )
 
     add_stream(app, connections)

@@ -1,5 +1,6 @@
 """NiceGUI elements of the page."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,23 @@ from nicegui import ui
 from nicegui.element import Element
 
 STATIC = Path(__file__).parent / "static"
+LOADING = """<div id="tp-loading" role="status"><b>Thumper</b>Loading the dashboard …</div>
+<style>
+  #tp-loading { position: fixed; inset: 0; z-index: 9000; display: grid; place-content: center; gap: 8px;
+    text-align: center; font: 16px/1.5 system-ui, sans-serif; background: #f3f5f8; color: #5a6876; }
+  #tp-loading b { font-size: 24px; color: #16202b; }
+  @media (prefers-color-scheme: dark) {
+    #tp-loading { background: #0d141b; color: #94a3b2; }
+    #tp-loading b { color: #e6edf3; }
+  }
+</style>"""
+# The browser finds a module only after it has read the one that imports it; name all of them at once.
+PRELOAD = """<script type="module">
+  for (const name of %s) {
+    const href = new URL(name, import.meta.resolve("thumper-dashboard")).href;
+    document.head.append(Object.assign(document.createElement("link"), { rel: "modulepreload", href }));
+  }
+</script>"""
 
 
 class Widget(Element, component="widget.js", esm={"thumper-dashboard": str(STATIC)}):
@@ -16,6 +34,12 @@ class Widget(Element, component="widget.js", esm={"thumper-dashboard": str(STATI
         super().__init__()
         self._props["name"] = name
         self._props["options"] = options or {}
+
+
+def show_loading() -> None:
+    """Show at once that the page loads; `static/index.js` removes it."""
+    ui.add_body_html(LOADING)
+    ui.add_head_html(PRELOAD % json.dumps(sorted(path.name for path in STATIC.glob("*.js"))))
 
 
 def box(classes: str) -> ui.element:

@@ -28,5 +28,6 @@ export function startPage() {
   startStream(); // first: the emergency stop needs it, and nothing below
   addPlayback();
   addMapEditor();
+  document.getElementById("tp-loading")?.remove();
   window.thumper = { state }; // for the browser console and for tests
 }
