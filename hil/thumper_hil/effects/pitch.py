@@ -10,12 +10,10 @@ import math
 import numpy as np
 
 from thumper.common.geometry import FloatArray
+from thumper_hil.effects.body_parts import body_parts
 from thumper_hil.effects.preset import BodyEffects
 
-NATURAL_HZ = 3.0  # small suspended chassis; assumed
-DAMPING = 0.3  # springs without dampers, with friction in the joints; assumed
-NOISE_S = 0.05  # correlation time of the shaking
-LIDAR_HEIGHT_M = 0.20
+SPRINGS = body_parts().springs
 
 
 class Pitch:
@@ -39,13 +37,14 @@ class Pitch:
             return 0.0
         acceleration_m_s2 = (speed_m_s - self._speed_m_s) / elapsed_s
         self._speed_m_s = speed_m_s
-        omega = math.tau * NATURAL_HZ
+        omega = math.tau * SPRINGS.natural_Hz
         target_rad = -self._rad_per_m_s2 * acceleration_m_s2
-        pull = omega * omega * (target_rad - self._angle_rad) - 2.0 * DAMPING * omega * self._rate_rad_s
+        pull = omega * omega * (target_rad - self._angle_rad)
+        pull -= 2.0 * SPRINGS.damping * omega * self._rate_rad_s
         self._rate_rad_s += pull * elapsed_s
         self._angle_rad += self._rate_rad_s * elapsed_s
         if speed_m_s != 0.0:  # a resting robot does not shake
-            keep = math.exp(-elapsed_s / NOISE_S)
+            keep = math.exp(-elapsed_s / SPRINGS.shake_time_s)
             spread = self._noise_rad * math.sqrt(1.0 - keep * keep)
             self._shake_rad = keep * self._shake_rad + spread * self._rng.standard_normal()
         else:

@@ -1,14 +1,11 @@
 """Self-returns: a loose cable beside the lidar shows in some scans, in a few beams."""
 
-import math
-
 import numpy as np
 
 from thumper.common.geometry import FloatArray
+from thumper_hil.effects.body_parts import body_parts
 
-CABLE_BEARING_RAD = math.radians(105.0)  # left and behind the lidar, inside the footprint
-CABLE_WIDTH_RAD = math.radians(4.0)
-CABLE_RANGE_M = 0.09
+CABLE = body_parts().cable
 
 
 def add_self_returns(
@@ -17,5 +14,5 @@ def add_self_returns(
     """Return the ranges of one revolution or a part of it, shape (n,), with the cable in `share` of them."""
     if share == 0.0 or rng.random() >= share:
         return ranges_m
-    off_rad = np.abs(np.remainder(bearings_rad - CABLE_BEARING_RAD + math.pi, math.tau) - math.pi)
-    return np.where(off_rad < 0.5 * CABLE_WIDTH_RAD, np.minimum(ranges_m, CABLE_RANGE_M), ranges_m)
+    off_deg = np.abs(np.remainder(np.degrees(bearings_rad) - CABLE.bearing_deg + 180.0, 360.0) - 180.0)
+    return np.where(off_deg < 0.5 * CABLE.width_deg, np.minimum(ranges_m, CABLE.range_m), ranges_m)

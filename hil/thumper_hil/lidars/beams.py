@@ -12,7 +12,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray, Pose2
 from thumper_hil.effects.echo_loss import random_runs
 from thumper_hil.effects.mixed_pixels import mix_at_edges
-from thumper_hil.effects.pitch import LIDAR_HEIGHT_M, floor_range_m
+from thumper_hil.effects.pitch import SPRINGS, floor_range_m
 from thumper_hil.effects.preset import LidarEffects
 from thumper_hil.effects.self_returns import add_self_returns
 from thumper_hil.effects.surfaces import echo_loss
@@ -92,7 +92,7 @@ class Beams:
         pitch_rad = self.conditions.pitch_at(times_s) + self.conditions.tilt_rad
         ranges_m = np.minimum(
             np.where(lost, np.inf, ranges_m),
-            floor_range_m(pitch_rad, mount.theta_rad + bearings_rad, LIDAR_HEIGHT_M),
+            floor_range_m(pitch_rad, mount.theta_rad + bearings_rad, SPRINGS.lidar_height_m),
         )
         ranges_m = mix_at_edges(ranges_m, self.range_max_m, effects.mixed_share, rng)
         if effects.loss_share > 0.0:
