@@ -8,7 +8,8 @@ import pytest
 from benchmarks.shared.fake_robot import FakeRobot
 from playwright.sync_api import Page, expect
 
-from thumper.dashboard.gains_help import NO_MODEL, gains_help
+from thumper.dashboard.board_parameters import DOCS
+from thumper.dashboard.gains_help import EFFECTS, NO_MODEL, gains_help
 from thumper.dashboard.loop_response import PERIOD_S, loop_response
 from thumper_tuning.design.loops import SpeedLoop
 from thumper_tuning.design.plant import Plant
@@ -37,6 +38,7 @@ def test_the_figures_are_those_of_python_control(kp: float, ki: float, kv: float
     margins, info = loop.margins(), loop.step_info()
     assert ours.phase_margin_deg == pytest.approx(margins.phase_margin_deg, abs=0.1)
     assert ours.gain_margin == pytest.approx(margins.gain_margin, rel=0.01)
+    assert ours.sensitivity_peak == pytest.approx(margins.max_sensitivity, rel=0.01)
     ticks = len(ours.step) - 1
     assert ours.step == pytest.approx(np.ravel(loop.step_response(ticks).outputs), abs=1e-9)
     assert ours.rise_time_s == pytest.approx(info.rise_time_s)
@@ -47,6 +49,8 @@ def test_the_text_tells_margins_and_what_more_gain_does() -> None:
     drawing, text = gains_help(VALUES, VALUES)
     assert drawing.count("<svg") == 3
     assert drawing.count("class='edited'") == drawing.count("class='used'") == 3
+    assert "gain margin 11.2\N{NO-BREAK SPACE}dB, Ms 1.60" in text
+    assert [drawing.count(f">{rate}<") for rate in (0.1, 3, 30)] == [2, 2, 2]
     now, more_kp, more_ki = (float(found) for found in re.findall(r"[Pp]hase margin (\d+)°", text))
     assert more_ki < now
     assert more_kp != now
@@ -57,6 +61,13 @@ def test_the_text_tells_margins_and_what_more_gain_does() -> None:
 @pytest.mark.parametrize("changed", [{"kv": 0.0}, {"ka": 0.0}, {"kp": None}, {"kp": math.nan}])
 def test_without_a_model_it_says_so(changed: dict[str, float]) -> None:
     assert gains_help({**VALUES, **changed}, VALUES) == ("", NO_MODEL)
+
+
+def test_each_parameter_is_explained_beside_its_slider(page: Page) -> None:
+    page.click(".tp-tab-gains")
+    expect(page.locator(".tp-gaintext")).to_have_count(len(DOCS))
+    expect(page.locator(".tp-gaintext").first).to_have_text(EFFECTS["kp"])
+    assert all(page.locator(".tp-gaintext").all_inner_texts())
 
 
 def test_a_slider_changes_drawing_and_text(page: Page, robot: FakeRobot) -> None:

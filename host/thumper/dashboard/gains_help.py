@@ -10,10 +10,18 @@ from thumper.common.geometry import FloatArray
 from thumper.dashboard.loop_response import STEP_S, LoopResponse, loop_response
 
 GAINS = ("kp", "ki", "kv", "ka")
+EFFECTS = {
+    "kp": "PWM per speed error. More: faster, less overshoot at first, then rough and unstable.",
+    "ki": "PWM per speed error, summed up. Removes the error under load. More: sooner, more overshoot.",
+    "ks": "PWM against static friction. Too little: the wheels start late. Too much: they start with a jerk.",
+    "kv": "PWM per speed. Right if the integral part in Wheels stays near 0 at a constant speed.",
+    "ka": "PWM per acceleration. Right if the speed neither lags the ramp nor leads it.",
+}
 MORE = 1.2  # the factor whose effect the text shows
 DRAWN = 4  # each fourth point
-WIDTH, HEIGHT, LEFT, TOP, BOTTOM = 340, 92, 34, 17, 8  # of one plot
+WIDTH, HEIGHT, LEFT, TOP, BOTTOM = 340, 104, 34, 17, 20  # of one plot
 SPEEDS, LEVELS_dB, PHASES_deg = (0.0, 0.5, 1.0, 1.5), (-20, 0, 20, 40), (-270, -180, -90, 0)
+TIMES_s, FREQUENCIES_rad_s = (0.0, 1.0, 2.0, 3.0), (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 NO_MODEL = (
     "kv and ka are the wheel's model. Without them, or with a field empty, the response is unknown. "
     "Tune wheels finds them."
@@ -32,8 +40,9 @@ def explanation(values: Mapping[str, Any], now: LoopResponse) -> str:
     """Return margins and rise time, and what more kp or ki would change."""
     if not now.stable:
         return "Unstable: the speed would oscillate more and more. Reduce kp or ki."
-    text = [f"Phase margin {_degrees(now)}, gain margin {_factor(now)}, rise time {_rise(now)}, "]
-    text += [f"overshoot {now.overshoot_percent:.0f}\N{NO-BREAK SPACE}%."]
+    text = [f"Phase margin {_degrees(now)}, gain margin {_decibels(now)}, "]
+    text += [f"Ms {now.sensitivity_peak:.2f} (the peak of the sensitivity; aim: 2 or less), "]
+    text += [f"rise time {_rise(now)}, overshoot {now.overshoot_percent:.0f}\N{NO-BREAK SPACE}%."]
     for name in ("kp", "ki"):
         more = _response({**values, name: MORE * values[name]})
         if more is not None:
@@ -60,8 +69,9 @@ def _degrees(response: LoopResponse) -> str:
     return f"{response.phase_margin_deg:.0f}°" if math.isfinite(response.phase_margin_deg) else "unlimited"
 
 
-def _factor(response: LoopResponse) -> str:
-    return f"{response.gain_margin:.1f}" if math.isfinite(response.gain_margin) else "unlimited"
+def _decibels(response: LoopResponse) -> str:
+    margin_dB = 20.0 * math.log10(response.gain_margin)
+    return f"{margin_dB:.1f}\N{NO-BREAK SPACE}dB" if math.isfinite(margin_dB) else "unlimited"
 
 
 def _rise(response: LoopResponse) -> str:
@@ -69,15 +79,27 @@ def _rise(response: LoopResponse) -> str:
 
 
 def _drawing(edited: LoopResponse, in_use: LoopResponse | None) -> str:
-    low_rad_s, high_rad_s = edited.frequencies_rad_s[[0, -1]]
-    span = f"{low_rad_s:.1f} to {high_rad_s:.0f} rad/s"
     responses = (edited, in_use)
-    step = f"Speed after a step of the set-point by PI alone, 0 to {STEP_S:g} s"
-    gain, phase = f"Open-loop gain [dB], {span}", f"Open-loop phase [°], {span}"
+    low, high = np.log(edited.frequencies_rad_s[[0, -1]])
+    times = [(time_s / STEP_S, f"{time_s:g} s") for time_s in TIMES_s]
+    rates = [((math.log(rate) - low) / (high - low), f"{rate:g}") for rate in FREQUENCIES_rad_s]
+    step = "Speed after a step of the set-point, by PI alone"
     plots = [
-        _plot(step, SPEEDS, 1.0, [_step_line(each) for each in responses]),
-        _plot(gain, LEVELS_dB, 0.0, [_bode_line(each, "gain") for each in responses]),
-        _plot(phase, PHASES_deg, -180.0, [_bode_line(each, "phase") for each in responses]),
+        _plot(step, times, SPEEDS, 1.0, [_step_line(each) for each in responses]),
+        _plot(
+            "Open-loop gain [dB] by frequency [rad/s]",
+            rates,
+            LEVELS_dB,
+            0.0,
+            [_bode_line(each, "gain") for each in responses],
+        ),
+        _plot(
+            "Open-loop phase [°] by frequency [rad/s]",
+            rates,
+            PHASES_deg,
+            -180.0,
+            [_bode_line(each, "phase") for each in responses],
+        ),
     ]
     size = f"viewBox='0 0 {WIDTH} {HEIGHT}' role='img'"
     return "".join(f"<svg {size} aria-label='{title}'>{content}</svg>" for title, content in plots)
@@ -99,9 +121,13 @@ def _bode_line(response: LoopResponse | None, what: str) -> tuple[FloatArray, Fl
 
 
 def _plot(
-    title: str, ticks: tuple[float, ...], marked: float, lines: list[tuple[FloatArray, FloatArray] | None]
+    title: str,
+    places: list[tuple[float, str]],
+    ticks: tuple[float, ...],
+    marked: float,
+    lines: list[tuple[FloatArray, FloatArray] | None],
 ) -> tuple[str, str]:
-    """Return the title and the content of an SVG."""
+    """Return the title and the content of an SVG; `places` are the labels along the x axis, from 0 to 1."""
     low, high = min(ticks), max(ticks)
 
     def y_of(value: float) -> float:
@@ -113,6 +139,10 @@ def _plot(
         y = y_of(tick)
         parts.append(f"<line class='{kind}' x1='{LEFT}' x2='{WIDTH}' y1='{y:.1f}' y2='{y:.1f}'/>")
         parts.append(f"<text x='{LEFT - 4}' y='{y + 4.0:.1f}' text-anchor='end'>{tick:g}</text>")
+    for place, label in places:
+        x, anchor = LEFT + (WIDTH - LEFT) * place, "middle" if place < 0.95 else "end"
+        parts.append(f"<line class='tick' x1='{x:.1f}' x2='{x:.1f}' y1='{TOP}' y2='{HEIGHT - BOTTOM}'/>")
+        parts.append(f"<text x='{x:.1f}' y='{HEIGHT - 7}' text-anchor='{anchor}'>{label}</text>")
     for kind, line in zip(("edited", "used"), lines, strict=True):
         if line is not None:
             points = " ".join(

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from thumper.common.errors import ThumperError
 from thumper.dashboard.board_parameters import DOCS, Parameter, Parameters
-from thumper.dashboard.gains_help import gains_help
+from thumper.dashboard.gains_help import EFFECTS, gains_help
 from thumper.dashboard.widgets import box, button
 
 DECIMALS = 3
@@ -75,9 +75,9 @@ class GainsPanel:
     def _row(self, parameter: Parameter) -> None:
         name, value = parameter.name, round(self._on_board[parameter.name], DECIMALS)
         with box("tp-gain"):
-            title = f"{DOCS.get(name, '')} {parameter.minimum:g} … {parameter.maximum:g} {parameter.unit}"
-            ui.html(escape(name), tag="label", sanitize=False).props(f'title="{title}"')
-            ui.html(escape(parameter.unit), tag="small", sanitize=False)
+            ui.html(escape(name), tag="label", sanitize=False)
+            limits = f"{parameter.minimum:g} … {parameter.maximum:g} {parameter.unit}"
+            ui.html(escape(limits), tag="small", sanitize=False)
             number = (
                 ui.number(
                     value=value,
@@ -91,6 +91,8 @@ class GainsPanel:
             slider = ui.slider(
                 min=parameter.minimum, max=parameter.maximum, step=_step(parameter), value=value
             ).props(f'aria-label="{name} slider" data-slider={name}')
+            text = EFFECTS.get(name, DOCS.get(name, ""))
+            ui.html(escape(text), tag="p", sanitize=False).classes("tp-gaintext")
             slider.on_value_change(partial(self._set_number, number))
             number.on_value_change(partial(self._move_slider, slider, parameter))
             self._numbers[name] = number

@@ -32,6 +32,7 @@ class LoopResponse:
     gain_margin: float  # infinite: the phase never crosses -180 degrees
     rise_time_s: float  # 10 to 90 %, in whole ticks
     overshoot_percent: float
+    sensitivity_peak: float  # Ms, the greatest |1 / (1 + L)|
 
 
 def loop_response(*, kp: float, ki: float, kv: float, ka: float, period_s: float = PERIOD_S) -> LoopResponse:
@@ -64,6 +65,7 @@ def loop_response(*, kp: float, ki: float, kv: float, ka: float, period_s: float
         gain_margin=gain_margin,
         rise_time_s=period_s * int(np.argmax(step >= 0.9) - np.argmax(step >= 0.1)) if reached else math.inf,
         overshoot_percent=max(0.0, 100.0 * (float(step.max()) - 1.0)),
+        sensitivity_peak=float(np.max(1.0 / np.abs(1.0 + L))),
     )
 
 
