@@ -18,7 +18,7 @@ from thumper.navigation.planners.cell_costs import INFINITE, CellCosts, CostArra
 from thumper.navigation.planners.sparse_memory import Reached, reached_from, sparse_zeros
 
 # Width of a bucket [free cells]. Wide buckets expand cells more often, narrow ones scan the front more often.
-BUCKET = 16.0
+BUCKET = 32.0
 NEITHER, NOW, LATER = 0, 1, 2
 HALF, TWO = np.float32(0.5), np.float32(2.0)
 # The potential is 0 where the search has not been: memory that is 0 at first is only taken where it is used.

@@ -22,7 +22,9 @@ from thumper.navigation.planners.polyline import resample, smooth
 from thumper.navigation.planners.start_and_goal_cells import find_ends
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions, path_cost_m, traversal_cost
 
-POTENTIAL_MARGIN = 120.0  # how far round the cheapest path the heuristic is known [free cells]
+# How far round the cheapest path for a point the heuristic is known [free cells]: first near it, and only if
+# the whole robot cannot drive there, further away.
+NEAR_MARGIN, FAR_MARGIN = 30.0, 120.0
 HEURISTIC_WEIGHT = 1.2  # finds a path sooner that costs at most 20 % more
 MAX_NODES = 200_000  # then A* plans with the inscribed circle alone
 SMOOTHING_ROUNDS = 6
@@ -95,24 +97,29 @@ class LatticePlanner:
         ends = find_ends(costmap, cells, map_from_base, goal, self._traversal.escape_radius_m)
         if isinstance(ends, str) or not np.isfinite(cost_at(cells, *divmod(ends.goal, cells.costs.shape[1]))):
             return np.empty((0, 3))
-        potential = yield from search_dijkstra(cells, ends.goal, ends.start, False, POTENTIAL_MARGIN)
-        if potential[ends.start] == 0.0:
-            return np.empty((0, 3))
         cell_m = costmap.resolution_m
         grid = self._in_cells(costmap, costmap, self._footprint)
-        problem = LatticeProblem(
-            cells=cells,
-            potential=potential,
-            grid=grid,
-            roomy=grid,
-            starts=np.append(ends.start_cells, map_from_base.theta_rad)[None],
-            start_costs=np.zeros(1),
-            end=(np.array((goal.x_m, goal.y_m)) - costmap.origin_m) / cell_m,
-            end_radius=max(LEAST_GOAL_RADIUS_CELLS, goal.tolerance_m / cell_m),
-            robot=np.append(ends.start_cells, map_from_base.theta_rad),
-            backward=False,
-        )
-        poses = yield from search_lattice(problem, self._weights(cell_m, known_ground))
+        robot = np.append(ends.start_cells, map_from_base.theta_rad)
+        poses = np.empty((0, 3))
+        for guided, margin in ((True, NEAR_MARGIN), (False, FAR_MARGIN)):
+            potential = yield from search_dijkstra(cells, ends.goal, ends.start, guided, margin)
+            if potential[ends.start] == 0.0:
+                break
+            problem = LatticeProblem(
+                cells=cells,
+                potential=potential,
+                grid=grid,
+                roomy=grid,
+                starts=robot[None],
+                start_costs=np.zeros(1),
+                end=(np.array((goal.x_m, goal.y_m)) - costmap.origin_m) / cell_m,
+                end_radius=max(LEAST_GOAL_RADIUS_CELLS, goal.tolerance_m / cell_m),
+                robot=robot,
+                backward=False,
+            )
+            poses = yield from search_lattice(problem, self._weights(cell_m, known_ground))
+            if len(poses):
+                break
         poses[:, :2] = poses[:, :2] * cell_m + costmap.origin_m
         return poses
 
@@ -138,7 +145,7 @@ class LatticePlanner:
         if isinstance(found, str):
             return np.empty((0, 3))
         cell_m = costmap.resolution_m
-        potential = yield from search_dijkstra(cells, found.start, -1, False, POTENTIAL_MARGIN)
+        potential = yield from search_dijkstra(cells, found.start, -1, False, FAR_MARGIN)
         starts = ends.copy()
         starts[:, :2] = (ends[:, :2] - costmap.origin_m) / cell_m
         problem = LatticeProblem(
