@@ -184,8 +184,8 @@ def _drive_panel() -> None:
         _field("camera_age")
     ui.html(
         "<p>Hold the joystick to drive, release it to stop; it has priority over any goal. Gamepad: hold LB "
-        "to drive, RB is turbo, B stops, Start arms. If this page is hidden, frozen or closed, the motion "
-        "that it started stops.</p>",
+        "to drive, RB is turbo, B stops, Start arms. If this page is hidden, frozen or closed, manual "
+        "driving and tuning stop; a goal goes on.</p>",
         sanitize=False,
     ).classes("tp-hint")
 
