@@ -82,6 +82,7 @@ class FakeRobot:
     received: list[tuple[float, Request]] = field(default_factory=list)
     parameters: dict[str, float] = field(default_factory=dict)
     simulated_faults: dict[str, Any] = field(default_factory=dict)
+    simulated_speed: float = 1.0
     period_s: float = PERIOD_S
     lidar_scans: int = 567
     experiment: str = ""  # the one that runs
@@ -117,6 +118,7 @@ class FakeRobot:
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
         self.recording_paused = False
         self.state = State.CLOSED_LOOP
+        self.simulated_speed = 1.0
         self.simulated_faults, self.experiment, self.has_sensors = {}, "", False
         self.grid = room()
         self.parameters = {spec.name: spec.default for spec in PARAMETERS}
@@ -191,6 +193,13 @@ class FakeRobot:
             return {"text": f"done: {name}", "maps": [], "recordings": []}
         return {"mission": 1} if name == "mission/follow" or "place" in content else {}
 
+    def _change_simulation(self, content: Mapping[str, Any]) -> str:
+        if "speed" in content:
+            self.simulated_speed = content["speed"]
+            return f"{self.simulated_speed:g} times real time"
+        self.simulated_faults[content["fault"]] = content["value"]
+        return f"{content['fault']} is {content['value']}"
+
     def _answer(self, name: str, content: Mapping[str, Any]) -> dict[str, Any]:
         answer: dict[str, Any] = {}
         match name:
@@ -213,9 +222,9 @@ class FakeRobot:
             case "simulator/world":
                 kinds = {"lidar": {"choices": ["ok", "unplugged"]}, "slip.left": {"most": 1.0, "unit": ""}}
                 answer = {"faults": kinds, "on": self.simulated_faults, "pillars": 0}
+                answer["speed"] = self.simulated_speed
             case "simulator/command":
-                self.simulated_faults[content["fault"]] = content["value"]
-                answer = {"text": f"{content['fault']} is {content['value']}"}
+                answer = {"text": self._change_simulation(content)}
             case "experiment/state":
                 answer = json_object(
                     ExperimentState(

@@ -85,6 +85,14 @@ def test_slow_page_shows_no_log_line_twice(page: Page, robot: FakeRobot) -> None
     expect(line).to_have_count(1)
 
 
+def test_the_speed_of_the_simulation_is_marked(page: Page) -> None:
+    page.click(".tp-tab-sim")
+    marked = page.locator("button[aria-pressed=true]:visible")
+    expect(marked).to_have_text("1x")
+    page.get_by_role("button", name="5x", exact=True).click()
+    expect(marked).to_have_text("5x")
+
+
 def test_active_faults_are_shown_on_every_page(page: Page, robot: FakeRobot) -> None:
     robot.simulated_faults["slip.left"] = 0.5  # by another client
     page.click(".tp-tab-sim")
@@ -148,7 +156,7 @@ def test_stop_removes_the_plan(page: Page, robot: FakeRobot) -> None:
       const { data } = context.getImageData(0, 0, canvas.width, canvas.height);
       let count = 0;
       for (let k = 0; k < data.length; k += 4) {
-        count += data[k] === 26 && data[k + 1] === 127 && data[k + 2] === 55;
+        count += data[k] === 194 && data[k + 1] === 65 && data[k + 2] === 12;
       }
       return count;
     }"""

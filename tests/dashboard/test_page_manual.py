@@ -7,6 +7,7 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
+from thumper.board.messages import State
 from thumper.runtime.requests import EmergencyStop, OverrideAssistance, Query, Velocity
 
 PAD = """([lb, forward, stop]) => {
@@ -36,7 +37,8 @@ def test_emergency_stop(page: Page, robot: FakeRobot, how: str) -> None:
     until(lambda: robot.received_of(EmergencyStop))
     fault = page.locator(".tp-fault")
     expect(fault).to_be_visible()
-    expect(fault).to_contain_text("the emergency stop was pressed")
+    expect(page.locator(".tp-fault-words")).to_have_text("the emergency stop was pressed")
+    expect(page.locator(".tp-fault-cure")).to_have_text("")
     fault.locator("text=Clear fault").click()
     expect(fault).to_be_hidden()
 
@@ -153,3 +155,13 @@ def test_focused_report_does_not_block_the_stop_key(page: Page, robot: FakeRobot
     page.wait_for_function("document.activeElement.tagName !== 'IFRAME'")
     page.keyboard.press("Space")
     until(lambda: robot.received_of(EmergencyStop))
+
+
+def test_the_joystick_of_a_disarmed_robot_shows_no_speed(page: Page, robot: FakeRobot) -> None:
+    robot.state = State.DISARMED
+    page.wait_for_selector("body[data-board=disarmed]")
+    page.focus(".tp-stick")
+    page.keyboard.down("ArrowUp")
+    expect(page.locator(".tp-speeds span")).to_have_text(["press Arm first", ""])
+    page.keyboard.up("ArrowUp")
+    expect(page.locator(".tp-speeds span")).to_have_text(["", ""])

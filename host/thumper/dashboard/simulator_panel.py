@@ -25,11 +25,13 @@ class SimulatorPanel:
         """Add the panel to the current NiceGUI container; it queries the simulator once the page is open."""
         self._robot = robot
         self._faults: Mapping[str, Mapping[str, Any]] = {}
+        self._speeds: dict[float, ui.element] = {}
         inline("<h2>Speed</h2>")
         with box("tp-buttons"):
             for speed in SPEEDS:
-                with button("tp-plain").on("click", partial(self._send, {"speed": speed})):
+                with button("tp-plain").on("click", partial(self._send, {"speed": speed})) as choice:
                     ui.html(f"{speed:g}x", tag="span", sanitize=False)
+                self._speeds[speed] = choice
         inline("<h2>World</h2>")
         with box("tp-buttons"):
             with button("tp-plain", {"data-select-tool": "obstacle"}):
@@ -67,6 +69,8 @@ class SimulatorPanel:
         except ThumperError:
             return  # no robot yet, or a real one: the tab is hidden
         self._active.set_content(escape(_faults_text(world.on)))
+        for speed, choice in self._speeds.items():
+            choice.props(f"aria-pressed={str(speed == world.speed).lower()}")
         if not self._faults:
             self._faults = world.faults
             self._name.set_options(

@@ -156,6 +156,7 @@ class SimulatorWorld:
     faults: Annotated[dict[str, Any], "with their possible values"]
     on: Annotated[dict[str, Any], "the active faults with their values, in order of injection"]
     pillars: Annotated[int, "their number"]
+    speed: Annotated[float, "times real time"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

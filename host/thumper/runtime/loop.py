@@ -132,11 +132,11 @@ class RobotLoop:
         simulation = self.request_handler.simulation
         self.inputs.keep_log = False
         self._rate.set_speed(speed)
-        simulation.set_speed = self._rate.set_speed
+        simulation.rate = self._rate
         try:
             return self._loop(lambda: False)
         finally:
-            simulation.set_speed = None
+            simulation.rate = None
 
     def wait_for_map(self) -> RobotState:
         """Move nothing until the first scans are mapped; after a pause of the caller, catch up first.

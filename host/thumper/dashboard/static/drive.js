@@ -165,6 +165,11 @@ class ManualDrive {
     const limits = state.values.limits;
     if (!limits) return;
     const scale = turbo ? 1 : limits.slow;
+    if (!state.values.status || ["disarmed", "fault"].includes(document.body.dataset.board)) {
+      this.speeds[0].textContent = forward || left ? "press Arm first" : "";
+      this.speeds[1].textContent = "";
+      return;
+    }
     this.speeds[0].textContent = `${(forward * scale * limits.v_m_s).toFixed(2)} m/s`;
     this.speeds[1].textContent = `${(left * scale * limits.w_rad_s).toFixed(2)} rad/s`;
   }

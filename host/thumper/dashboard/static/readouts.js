@@ -75,8 +75,8 @@ const FIELDS = {
   pages: ({ pages }) => formatCount(pages),
   rtt: () => (state.rttMs === null ? NO_VALUE : `${state.rttMs.toFixed(0)} ms`),
   recorded: ({ recording_s, status }) => (status?.recording_paused ? "disk full" : formatDuration(recording_s)),
-  fault_words: ({ status }) => status?.fault_words ?? "",
-  fault_cure: ({ status }) => status?.fault_cure ?? "",
+  fault_words: ({ status }) => (repeatsName(status) ? status.fault_cure : status?.fault_words ?? ""),
+  fault_cure: ({ status }) => (repeatsName(status) ? "" : status?.fault_cure ?? ""),
   operator: ({ operator }) => (!operator ? "nobody" : operator === state.pageId ? "this page" : "another page"),
 };
 
@@ -134,6 +134,11 @@ function refresh() {
   const isArmed = ["closed_loop", "manual"].includes(flags.board);
   document.querySelector(".tp-arm")?.setAttribute("aria-pressed", isArmed);
   flags.batteryLow = Boolean(values.board?.battery_low);
+}
+
+// Whether the hint of a fault has its name in it, as in "the emergency stop was pressed".
+function repeatsName(status) {
+  return Boolean(status?.fault_words) && status.fault_cure.includes(status.fault_words);
 }
 
 export function startReadouts() {

@@ -1,10 +1,11 @@
 """Controls a simulated robot: its world, its faults, its real-time factor."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
 from thumper.common.errors import ThumperError
 from thumper.ros.services import SimulatorWorld
+from thumper.runtime.real_time_rate import RealTimeRate
 
 MIN_SPEED, MAX_SPEED = 0.1, 20.0  # real-time factor
 NO_SIMULATOR = "this robot is real, or its simulator runs in another process: nothing to simulate"
@@ -36,14 +37,14 @@ class SimulatorControl:
     """The simulator of this robot, if it runs in this process; else every method raises ThumperError."""
 
     def __init__(self, simulator: Simulator | None) -> None:
-        self.set_speed: Callable[[float], None] | None = None
+        self.rate: RealTimeRate | None = None  # of a robot that serves
         self._simulator = simulator
 
     def describe(self) -> SimulatorWorld:
         """Return the world and the possible changes to it."""
         if self._simulator is None:
             raise ThumperError(NO_SIMULATOR)
-        return SimulatorWorld(**self._simulator.describe())
+        return SimulatorWorld(**self._simulator.describe(), speed=self.rate.speed if self.rate else 1.0)
 
     def apply(self, content: Mapping[str, Any]) -> str:
         """Apply the change in `content` and return a description of it."""
@@ -60,7 +61,7 @@ class SimulatorControl:
             or not MIN_SPEED <= speed <= MAX_SPEED
         ):
             raise ThumperError(f"choose a speed of {MIN_SPEED:g}...{MAX_SPEED:g} times real time")
-        if self.set_speed is None:
+        if self.rate is None:
             raise ThumperError("only `thumper run` without a goal has a speed to set")
-        self.set_speed(float(speed))
+        self.rate.set_speed(float(speed))
         return f"{speed:g} times real time"
