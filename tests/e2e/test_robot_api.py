@@ -151,7 +151,7 @@ def test_the_robot_and_its_results_are_short_in_a_notebook(lab: Robot) -> None:
     )
     with Robot("sim://") as robot:
         assert re.fullmatch(
-            r"<reached: turned \d+ degrees; 0\.\d+ m in \d\.\d s>", repr(robot.turn(deg=20, unseen=True))
+            r"<reached: turned \d+ degrees; path 0\.\d+ m, \d\.\d s>", repr(robot.turn(deg=20, unseen=True))
         )
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.maps.plot import BLUE, ORANGE, RED, draw_grid
+from thumper.maps.plot import BLUE, ORANGE, RED, UNKNOWN_COLOUR, draw_grid
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.planners.polyline import arc_lengths
 from thumper.runtime.drive_log import DriveLog
@@ -44,10 +44,11 @@ def draw_drive(axes: Axes, log: DriveLog) -> None:
 def draw_robot(axes: Axes, map_from_base: Pose2, footprint: Footprint, hits_in_map_m: FloatArray) -> None:
     """Draw the robot's outline with its heading, and the points of its newest scan, shape (n, 2) [m]."""
     outline_m = map_from_base.apply(footprint.polygon_m())
-    nose_m = map_from_base.apply(np.array([[0.0, 0.0], [footprint.polygon_m()[:, 0].max(), 0.0]]))
+    length_m = float(footprint.polygon_m()[:, 0].max())
+    nose_m = map_from_base.apply(np.array([[length_m, 0.0], [0.0, 0.4 * length_m], [0.0, -0.4 * length_m]]))
     axes.plot(*hits_in_map_m.T, ".", color=RED, markersize=2, label="newest scan")
     axes.fill(*outline_m.T, facecolor="none", edgecolor=BLUE, linewidth=1.5)
-    axes.plot(*nose_m.T, color=BLUE, linewidth=1.5)
+    axes.fill(*nose_m.T, color=BLUE)
 
 
 def robot_figure(
@@ -57,6 +58,7 @@ def robot_figure(
     figure = RobotFigure(figsize=(SIZE_IN, SIZE_IN), layout="constrained")
     axes = figure.subplots()
     draw_grid(axes, grid)
+    axes.set_facecolor(UNKNOWN_COLOUR)
     draw_drive(axes, log)
     draw_robot(axes, map_from_base, footprint, hits_in_map_m)
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False, fontsize=8)

@@ -20,7 +20,7 @@ class DriveResult:
 
     def __repr__(self) -> str:
         end = "reached" if self.reached else "not reached"
-        return f"<{end}: {self.reason}; {self.path_length_m:.2f} m in {self.time_s:.1f} s>"
+        return f"<{end}: {self.reason}; path {self.path_length_m:.2f} m, {self.time_s:.1f} s>"
 
     def after(self, earlier: "Self | None") -> "Self":
         """Return this result with the time and path length of an earlier drive added."""
