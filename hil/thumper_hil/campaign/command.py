@@ -25,24 +25,25 @@ def campaign(
     """
     from importlib.util import find_spec
 
+    from thumper.common.optional_packages import require_extra
+    from thumper_hil.campaign.spec import campaign_digest, expand_jobs, load_campaign
+
+    require_extra("campaign")
+    plan = load_campaign(file)  # a wrong file is refused before the slow imports
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
     from thumper.common.files import write_text
-    from thumper.common.optional_packages import require_extra
     from thumper_hil.campaign.figures import draw
     from thumper_hil.campaign.parquet import write_parquet
     from thumper_hil.campaign.result_row import CampaignRow, succeeded
     from thumper_hil.campaign.result_table import RowStore
     from thumper_hil.campaign.runner import run_jobs
-    from thumper_hil.campaign.spec import campaign_digest, expand_jobs, load_campaign
     from thumper_hil.campaign.summary import markdown, summarise
 
-    require_extra("campaign")
     console = Console()
-    plan = load_campaign(file)
     jobs = expand_jobs(plan, file.parent)
     prepare_output(out)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())

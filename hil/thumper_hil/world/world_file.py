@@ -103,7 +103,7 @@ def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
         data = load_toml(path)
     except FileNotFoundError as error:
         name = path.stem if path.parent == WORLDS else str(path)
-        hint = choice_hint(name, (*world_names(), "house-4"))
+        hint = choice_hint(name, (*world_names(), "house-1", "house-2", "..."))
         raise ThumperError(f"{name}: unknown world; {hint}", exit_code=EXIT_USAGE) from error
     except (OSError, ValueError) as error:
         raise ThumperError(f"{path}: cannot read the world: {error}", exit_code=EXIT_USAGE) from error

@@ -41,6 +41,11 @@ def autosaved(robot: RobotLoop, out: Path) -> Iterator[None]:
     try:
         yield
         is_regular = True
+    except KeyboardInterrupt as interrupt:  # while it writes the map, for example
+        if str(interrupt) or not (out / AUTOSAVE).exists():
+            raise
+        text = f"the motors are off; the map was not saved, but the next run with --out {out} resumes it"
+        raise KeyboardInterrupt(text) from None
     finally:
         robot.after_cycle.remove(autosave.step)
         has_only_stood = robot.inputs.estimator.driven_m < STOOD_M and not was_there and not robot.annotations

@@ -12,7 +12,7 @@ import typer
 from thumper.cli.options.bus import connect
 from thumper.cli.options.common import AsJson, BusAddress, ConfigFile, RobotName
 from thumper.cli.output.stderr_report import report_to_stderr
-from thumper.ros.topics import TOPICS
+from thumper.ros.topics import TOPICS, Direction
 
 if TYPE_CHECKING:
     import queue
@@ -145,7 +145,8 @@ def watch(
     from thumper.ros.to_text import message_text
 
     if topic not in TOPICS:
-        raise ThumperError(f"unknown topic {topic!r}; {choice_hint(topic, TOPICS)}", exit_code=EXIT_USAGE)
+        names = [name for name, known in TOPICS.items() if known.direction is Direction.OUT]
+        raise ThumperError(f"unknown topic {topic!r}; {choice_hint(topic, names)}", exit_code=EXIT_USAGE)
     received: queue.Queue[Any] = queue.Queue(MAX_QUEUED)
     with connect(config, bus, robot) as client:
         client.subscribe(topic, lambda message: _enqueue(received, message))

@@ -168,6 +168,8 @@ def check_port(url: str, name: str) -> None:
         There is no such port.
     """
     if "://" not in url:
+        if url.startswith("sim"):
+            raise ThumperError(f"{url}: no such port; did you mean 'sim://'?", exit_code=EXIT_USAGE)
         if not Path(url).exists():
             raise _open_error(url, name, FileNotFoundError())
         return
@@ -200,6 +202,8 @@ def _open_error(url: str, name: str, error: Exception) -> ThumperError:
     if isinstance(error, FileNotFoundError) or "No such file" in str(error):
         simulated = ", and sim:// simulates a robot" if name == "board" else ""
         return ThumperError(f"{no_such_port(url, name)}{simulated}", exit_code=EXIT_NOT_THERE)
+    if isinstance(error.__cause__, ThumperError):  # of a simulated port; nobody typed its whole URL
+        return ThumperError(f"cannot simulate the {name}: {error.__cause__}", exit_code=_exit_code(error))
     return ThumperError(f"cannot open the {name} port {url}: {_explain(error)}", exit_code=_exit_code(error))
 
 

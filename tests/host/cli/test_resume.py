@@ -73,14 +73,30 @@ def test_the_next_run_does_not_overwrite_the_session_of_a_crash(
     assert f"--session {tmp_path / INTERRUPTED}" in capsys.readouterr().out
 
 
-def drive_to(x_m: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_ctrl_c_while_the_map_is_written_says_what_becomes_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(
+        KeyboardInterrupt, match=f"not saved, but the next run with --out {tmp_path} resumes it"
+    ):
+        drive_to(0.3, tmp_path, monkeypatch, "ctrl_c", KeyboardInterrupt())
+    assert (tmp_path / AUTOSAVE).exists()
+
+
+def drive_to(
+    x_m: float,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    end: BaseException | None = None,
+) -> None:
     """Drive to a place, then fail."""
     monkeypatch.setattr(autosave, "PERIOD_S", 0.0)
     config = with_ports(RobotConfig(), board=f"sim://{name}/board?world=lab", lidar=f"sim://{name}/lidar")
     goals = Waypoints(goals=(Goal(x_m=x_m, y_m=0.0),), rounds=1, waits_s=(0.0,))
     with open_robot(config, Pose2()) as robot, autosaved(robot, tmp_path):
         robot.run(follow_waypoints(goals))
-        raise ThumperError("failed")
+        raise end or ThumperError("failed")
 
 
 def test_a_refused_goal_leaves_no_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,13 @@ from thumper.runtime import assembly
         ("/dev/ttyNONE9", "", EXIT_NOT_THERE, "there is no such port; is it plugged in?"),
         ("sim://ports/board", "/dev/ttyNONE8", EXIT_NOT_THERE, "the lidar port /dev/ttyNONE8: there is no"),
         ("sim://?world=hal", "", EXIT_USAGE, "hal: unknown world; did you mean 'hall'?"),
+        (
+            "sim://?world=xyzzy",
+            "",
+            EXIT_USAGE,
+            "cannot simulate the board: xyzzy: unknown world; choose from: ",
+        ),
+        ("sim:/", "", EXIT_USAGE, "sim:/: no such port; did you mean 'sim://'?"),
         ("sim://?wrld=hall", "", EXIT_USAGE, "unknown simulator option 'wrld'; did you mean 'world'?"),
         ("sim://?x_m=90", "", EXIT_USAGE, "choose a free start"),
         ("sim://ports/bord", "sim://ports/lidar", EXIT_USAGE, "sim://ports/bord: not a simulated device"),

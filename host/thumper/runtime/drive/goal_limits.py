@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from thumper.common.errors import ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.navigation.costmap.filters import is_kept_out
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import Navigator
@@ -28,7 +28,8 @@ class GoalLimits:
         if goal.distance_m(state.map_from_base) > MAX_GOAL_DISTANCE_M:
             raise ThumperError(
                 f"goal {goal} is {goal.distance_m(state.map_from_base):.0f} m away; "
-                f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of the robot"
+                f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of the robot",
+                exit_code=EXIT_USAGE,
             )
         grid = self.estimator.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
         self.navigator.validate_goal(goal, grid)
