@@ -53,7 +53,8 @@ def cycle_at(time_s: float, clock_Hz: float = CPU_HZ) -> int:
 
 def load_world_for(options: BenchOptions) -> World:
     """Return the world; raise ThumperError if it is unknown or the start pose is not free."""
-    world = load_world(options.world)
+    dark_legs_share = load_preset(options.preset).house.dark_legs_share
+    world = load_world(options.world, dark_legs_share=dark_legs_share)
     if reason := invalid_start_reason(world, options.start, FOOTPRINT_M):
         raise ThumperError(
             f"a robot at x_m={options.x_m:g}, y_m={options.y_m:g}, yaw_deg={options.yaw_deg:g} {reason} "

@@ -19,6 +19,7 @@ from thumper_hil.lidars.ld19 import Ld19
 from thumper_hil.lidars.rplidar import RplidarA1, RplidarA2, RplidarC1
 from thumper_hil.lidars.urg04lx import Urg04Lx
 from thumper_hil.lidars.ydlidar_x4 import YdlidarX4
+from thumper_hil.world.house import house_number, is_carpeted
 from thumper_hil.world.world import World
 from thumper_hil.world.world_history import WorldHistory
 
@@ -48,13 +49,20 @@ def robot_params(options: BenchOptions, preset: Preset) -> RobotParams:
         battery=battery,
         body=replace(
             params.body,
-            friction=floor_friction(options.floor or body.floor),
+            friction=floor_friction(options.floor or _floor_of(options.world, preset)),
             wheel_radius_m=rolling_radius_m(params.body.wheel_radius_m, body, options.seed),
             centre_offset_m=body.centre_offset_m,
             centre_wander_m=body.centre_wander_m,
         ),
         board=replace(params.board, clock_drift=clock_drifts(preset.clock, options.seed)[0]),
     )
+
+
+def _floor_of(world: str, preset: Preset) -> str:
+    number = house_number(world)
+    if number is not None and is_carpeted(preset.house.carpet_share, number):
+        return "carpet"
+    return preset.body.floor
 
 
 def make_lidar(

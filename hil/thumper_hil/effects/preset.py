@@ -76,6 +76,15 @@ class LidarEffects:
 
 @with_config(_STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HouseEffects:
+    """What makes some of the random houses harder than others."""
+
+    carpet_share: Share
+    dark_legs_share: Share
+
+
+@with_config(_STRICT)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Preset:
     """The strength of every disturbance. The TOML file gives the meaning and the source of each value."""
 
@@ -84,6 +93,7 @@ class Preset:
     mount: MountEffects
     clock: ClockEffects
     lidar: LidarEffects
+    house: HouseEffects
 
 
 def load_preset(name: str) -> Preset:

@@ -7,7 +7,7 @@ would place it: the lidar has not seen what is behind it, so it can neither turn
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 
@@ -30,6 +30,7 @@ CLEARANCE_M = 0.32
 MIN_DISTANCE_M = 2.5
 AHEAD_M, AHEAD_RAD = 0.9, 0.5  # free in front of the start, and to each side of that direction
 ATTEMPTS = 50
+LEGS = 4  # of a table or chair
 SURFACES = (Surface.MATT, Surface.DARK, Surface.SHINY)
 
 
@@ -57,6 +58,19 @@ def house_mission(number: int) -> HouseMission:
         if mission is not None:
             return mission
     raise AssertionError(f"house {number}: no mission in {ATTEMPTS} attempts")
+
+
+def with_dark_legs(world: World, share: float, number: int) -> World:
+    """Return the world of house `number`; this share of its tables and chairs has four dark legs each."""
+    rng = np.random.default_rng([number, 0xDA2C])
+    is_dark = rng.random(len(world.circles_m) // LEGS) < share
+    surfaces = np.where(is_dark, Surface.DARK, Surface.MATT).astype(np.int8)
+    return replace(world, circle_surfaces=np.repeat(surfaces, LEGS))
+
+
+def is_carpeted(share: float, number: int) -> bool:
+    """Return whether house `number` lies on carpet; this share of the houses does."""
+    return bool(np.random.default_rng([number, 0xCA29]).random() < share)
 
 
 def _attempt(rng: np.random.Generator) -> HouseMission | None:

@@ -1,14 +1,20 @@
 """Random houses: the same number gives the same house, and its goal can be reached."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from thumper.common.geometry import Pose2
+from thumper_hil.bench.bench import load_world_for
 from thumper_hil.bench.collision import FOOTPRINT_M
+from thumper_hil.bench.hardware import robot_params
+from thumper_hil.bench.options import BenchOptions
+from thumper_hil.effects.friction import floors
+from thumper_hil.effects.preset import Preset, load_preset
 from thumper_hil.effects.surfaces import Surface
-from thumper_hil.world.house import AHEAD_M, MIN_DISTANCE_M, house_mission, house_number
+from thumper_hil.world.house import AHEAD_M, MIN_DISTANCE_M, house_mission, house_number, with_dark_legs
 from thumper_hil.world.load_world import load_world
 from thumper_hil.world.start_pose import invalid_start_reason
 
@@ -56,3 +62,35 @@ def test_houses_have_everything_that_is_hard() -> None:
 def test_only_a_number_names_a_house() -> None:
     assert house_number("house-17") == 17
     assert house_number("house") is house_number("house-x") is house_number("lab") is None
+
+
+def test_hard_houses_have_dark_legs_and_some_lie_on_carpet() -> None:
+    hard, nominal = load_preset("hard"), load_preset("nominal")
+    worlds = [load_world(f"house-{n}", dark_legs_share=hard.house.dark_legs_share) for n in range(1, 21)]
+    legs = np.concatenate([world.circle_surfaces for world in worlds]).reshape(-1, 4)
+    assert (legs == legs[:, :1]).all()
+    assert set(legs[:, 0]) == {int(Surface.MATT), int(Surface.DARK)}
+    assert np.mean(legs[:, 0] == Surface.DARK) == pytest.approx(hard.house.dark_legs_share, abs=0.15)
+    assert not load_world("house-3").circle_surfaces.any()
+
+    def frictions(preset: Preset, world: str) -> list[float]:
+        return [
+            robot_params(BenchOptions(world=world.format(n)), preset).body.friction for n in range(1, 201)
+        ]
+
+    on_carpet = np.array(frictions(hard, "house-{}")) == floors()["carpet"]
+    assert on_carpet.mean() == pytest.approx(hard.house.carpet_share, abs=0.1)
+    assert set(frictions(hard, "house-{}")) == {floors()["carpet"], floors()["concrete"]}
+    assert set(frictions(nominal, "house-{}")) == {floors()["wood"]}
+    assert set(frictions(hard, "lab")) == {floors()["concrete"]}
+    stated = replace(BenchOptions(world=f"house-{np.argmax(on_carpet) + 1}"), floor="wood")
+    assert robot_params(stated, hard).body.friction == floors()["wood"]
+
+
+def test_a_simulation_takes_the_dark_legs_of_its_preset() -> None:
+    number = next(
+        n for n in range(1, 21) if (with_dark_legs(house_mission(n).world, 0.3, n)).circle_surfaces.any()
+    )
+    for preset, any_dark in (("hard", True), ("nominal", False)):
+        world = load_world_for(BenchOptions.parse({"world": f"house-{number}", "preset": preset}))
+        assert world.circle_surfaces.any() == any_dark
