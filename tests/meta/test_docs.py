@@ -32,25 +32,32 @@ def test_example_configuration_is_the_default(tmp_path: Path) -> None:
     assert load_config(path) == RobotConfig()
 
 
-def named_in(navigation: list[object]) -> Iterator[str]:
-    """Yield the pages in the site's navigation, at any depth."""
+def named_in(navigation: list[object]) -> Iterator[tuple[str, str]]:
+    """Yield titles and pages in the site's navigation, at any depth."""
     for entry in navigation:
         assert isinstance(entry, dict)
-        for target in entry.values():
+        for title, target in entry.items():
             if isinstance(target, str):
-                yield target
+                yield title, target
             else:
                 yield from named_in(target)
 
 
 def test_every_page_is_reachable() -> None:
     settings = tomllib.loads((ROOT / "zensical.toml").read_text(encoding="utf-8"))
-    reached = {ROOT / "docs" / name for name in named_in(settings["project"]["nav"])}
+    reached = {ROOT / "docs" / name for _, name in named_in(settings["project"]["nav"])}
     assert all(page.exists() for page in reached)
     for page in PAGES:
         for target in re.findall(r"\]\(([^)#]+\.md)[^)]*\)", page.read_text(encoding="utf-8")):
             reached.add((page.parent / target).resolve())
     assert set(SITE) <= reached
+
+
+def test_the_menu_has_the_headings_of_the_pages() -> None:
+    settings = tomllib.loads((ROOT / "zensical.toml").read_text(encoding="utf-8"))
+    for title, name in named_in(settings["project"]["nav"]):
+        if title not in ("Thumper", "Overview") and not name.startswith("results/benchmarks/"):
+            assert f"\n# {title}\n" in "\n" + (ROOT / "docs" / name).read_text(encoding="utf-8"), name
 
 
 def test_operators_guide_lists_every_topic() -> None:

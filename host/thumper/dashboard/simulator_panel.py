@@ -58,7 +58,7 @@ class SimulatorPanel:
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
         inline(
             '<p class="tp-hint">A fault stays active until you set it to ok. The documentation describes '
-            'every fault in "Worlds, faults, and real boards".</p>'
+            'every fault in "Inject faults, test a real board".</p>'
         )
         self._on_fault_selected()
         ui.timer(POLL_PERIOD_S, self._poll, immediate=True)
