@@ -22,7 +22,7 @@ MAX_STEP_M, MAX_STEP_RAD = 0.3, 0.3
 # odometry, and with that by the match, which itself seeks what is the same.
 SAME_VIEW, SAME_MATCHED_VIEW = 0.4, 0.6
 # Where places look alike, another one shows the same view. So many bad scans in a row, at different poses,
-# are a doubt for all that: more than this share of their beams contradicts the map.
+# are a doubt for all that: this share of their beams more than usual contradicts the map.
 CONTRADICTED_SCANS, CONTRADICTED = 3, 0.3
 LOST_AFTER = 3  # scans: people and a bump spoil one or two
 
@@ -41,6 +41,7 @@ class KidnapDetector:
         """Weigh a scan again after this much odometry: before that it shows the same as the last."""
         self._step_m, self._step_rad = step_m, step_rad
         self._fits: deque[float] = deque(maxlen=RECENT)
+        self._contradictions: deque[float] = deque(maxlen=RECENT)  # the same scans' contradicting shares
         self._hits_m: FloatArray = np.zeros((0, 2))  # of the scan before
         self._trust: PoseTrust | None = None  # of the pose since a suspect scan
         self._usual_fit = 1.0  # of the scans before it
@@ -68,6 +69,7 @@ class KidnapDetector:
     def reset(self) -> None:
         """Start again at a pose that another estimator found."""
         self._fits.clear()
+        self._contradictions.clear()
         self._end_doubt()
 
     def update(self, evidence: BeamEvidence, hits_m: FloatArray, moved: Pose2, matched: Pose2) -> None:
@@ -100,7 +102,9 @@ class KidnapDetector:
                     self.reset()
             return
         contradicting, jumped = evidence.contradicting_share, pushed_m > JUMP_M + moved_m
-        if not is_near or contradicting <= CONTRADICTED or fit >= SUSPECT_BELOW:
+        # Among trees many beams contradict the map at a right pose, too.
+        unusual = contradicting > CONTRADICTED + self._usual_contradicting()
+        if not is_near or not unusual or fit >= SUSPECT_BELOW:
             self._contradicted = 0
         elif not self._contradicted or self._has_moved:
             self._contradicted += 1
@@ -115,6 +119,7 @@ class KidnapDetector:
             self._restart_step()
         elif not self._contradicted:
             self._fits.append(fit)
+            self._contradictions.append(contradicting)
 
     def _end_doubt(self) -> None:
         self._trust, self._doubtful, self._usual_fit = None, 0, 1.0
@@ -126,6 +131,9 @@ class KidnapDetector:
 
     def _restart_step(self) -> None:
         self._moved_m = self._turned_rad = self._pushed_m = 0.0
+
+    def _usual_contradicting(self) -> float:
+        return sum(self._contradictions) / max(1, len(self._contradictions))
 
     def _is_suspect(self, fit: float, contradicting: float) -> bool:
         """Return whether the scan falls far behind the scans before."""

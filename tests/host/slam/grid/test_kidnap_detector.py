@@ -154,3 +154,13 @@ def test_bad_scans_in_a_row_are_a_doubt_only_if_they_are_near(step_m: float, dou
     for _ in range(3):
         detector.update(BAD, hits_m, step, step)
         assert detector.doubtful == doubtful
+
+
+@pytest.mark.parametrize(("usual", "doubtful"), [(0.05, True), (0.3, False)])
+def test_bad_scans_in_a_row_are_a_doubt_only_if_they_are_unusual(usual: float, doubtful: bool) -> None:
+    """Among trees many beams contradict the map at a right pose, too."""
+    detector, hits_m, step = KidnapDetector(0.1, 0.1), np.zeros((0, 2)), Pose2(x_m=0.2)
+    for contradicting in (*5 * [usual], *3 * [0.5]):
+        evidence = BAD._replace(contradicting_share=contradicting)
+        detector.update(evidence, hits_m, step, step)
+    assert detector.doubtful == doubtful
