@@ -124,5 +124,5 @@ def tune_robot(
             write_gains(board, old)
             outcome = "restored the old gains"
             if not tuning.better:
-                outcome += ": the new ones are no better; without --yes the command asks"
+                outcome = "kept the old gains, which suit this robot: the new ones track no better"
         console.print(f"{outcome}; see {tuning.report}")
