@@ -28,6 +28,18 @@ def test_page_reconnects_to_a_restarted_server(page: Page, server: Server, robot
     until(pressed_and_said)
 
 
+def test_a_stop_without_a_connection_is_sent_as_soon_as_there_is_one(
+    page: Page, server: Server, robot: FakeRobot
+) -> None:
+    server.kill()
+    expect(page.locator("#tp-banner")).to_contain_text("No connection")
+    page.keyboard.press("Space")
+    expect(page.locator("#tp-notices")).to_contain_text("the emergency stop waits for it")
+    assert not robot.received_of(EmergencyStop)
+    server.start()
+    until(partial(robot.received_of, EmergencyStop))
+
+
 def test_page_reconnects_to_a_restarted_robot(browser: Browser, tmp_path: Path) -> None:
     address = f"127.0.0.1:{free_port()}"
     server = Server(address, tmp_path)  # before there is a robot
@@ -43,6 +55,7 @@ def test_page_reconnects_to_a_restarted_robot(browser: Browser, tmp_path: Path) 
             until(partial(robot.received_of, EmergencyStop))
             robot.close()
             expect(banner).to_contain_text("No data from the robot")
+            page.wait_for_function("document.querySelector('.tp-map').mapView.isLost")  # it draws no scan
     finally:
         page.close()
         server.close()

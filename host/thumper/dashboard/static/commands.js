@@ -7,6 +7,7 @@ const NOTICE_MS = 6000;
 const MAX_NOTICES = 3;
 const OPEN_SELECT = ".q-menu, .q-dialog"; // Quasar closes these on Esc by itself
 
+const WAITING_STOP = "tp-waiting-stop";
 const cancellers = [];
 
 // Add a function that cancels what the user has begun, and returns whether there was anything. Esc calls it.
@@ -23,7 +24,15 @@ export function emergencyStop() {
   const sent = send({ kind: "estop" });
   document.body.classList.add("tp-stopped");
   setTimeout(() => document.body.classList.remove("tp-stopped"), 600);
-  if (!sent) notify("No connection: the emergency stop was not sent. The robot stops on its own.", "bad");
+  if (sent) return;
+  sessionStorage.setItem(WAITING_STOP, "true"); // survives that the page loads again, with its server
+  notify("No connection: the emergency stop waits for it. A goal goes on: cut the power, or run `thumper stop`.", "bad");
+}
+
+function sendWaitingStop() {
+  if (sessionStorage.getItem(WAITING_STOP) === null || !send({ kind: "estop" })) return;
+  sessionStorage.removeItem(WAITING_STOP);
+  notify("The emergency stop was sent.", "good");
 }
 
 export function notify(text, kind) {
@@ -37,6 +46,7 @@ export function notify(text, kind) {
 }
 
 export function startCommands() {
+  on("opened", sendWaitingStop);
   // Listen in the capture phase: a focused button or field must not consume the stop key.
   document.addEventListener("keydown", (event) => {
     if (event.code === "Space") event.preventDefault();

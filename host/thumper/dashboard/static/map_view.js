@@ -43,6 +43,11 @@ class MapView {
     on("gps_odom", (at) => this.update(() => this.addGps(at)));
     on("trail", (points) => this.update(() => { this.data.trail = [...points]; }));
     on("playback", (name) => this.update(() => this.clear(name)));
+    on("packet", () => { // a scan of a robot that is gone is not its surroundings now
+      const isLost = document.body.dataset.link === "lost";
+      if (isLost !== this.isLost) this.dirty = true;
+      this.isLost = isLost;
+    });
     on("opened", () => this.update(() => this.clearTracks()));
     this.resize();
     const frame = () => {
@@ -155,7 +160,7 @@ class MapView {
       if (visible.local_plan) layers.drawLine(context, camera, data.local_plan, "local-plan", 3);
     }
     if (visible.footprint && this.pose) layers.drawRobot(context, camera, this.pose, this.footprint);
-    if (visible.scan) layers.drawPoints(context, camera, data.scan, "scan", 3);
+    if (visible.scan && !this.isLost) layers.drawPoints(context, camera, data.scan, "scan", 3);
     if (status?.has_goal) {
       layers.drawArrow(context, camera, status.goal_x_m, status.goal_y_m,
         status.goal_yaw_rad ?? null, "goal"); // a goal without a heading has no arrow

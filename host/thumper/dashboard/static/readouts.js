@@ -95,7 +95,7 @@ function formatDuration(seconds) {
 
 // Return the banner's kind and text. `silent_s` is the time since the robot's last message; null before the first.
 function bannerContent({ status, silent_s }) {
-  if (!state.connected) return ["lost", "No connection to the dashboard server. The robot stops on its own."];
+  if (!state.connected) return ["lost", "No connection to the dashboard server. Manual driving stops, a goal goes on."];
   if (isMissing(silent_s)) return ["lost", "Waiting for the robot …"];
   if (silent_s > LINK_LOST_S) {
     return ["lost", `No data from the robot for ${silent_s.toFixed(0)} s. Is \`thumper run\` still running?`];
