@@ -1,6 +1,6 @@
 """Drive among people who walk at 1 m/s, in the full simulator.
 
-Run: python benchmarks/navigation_people.py [--presets nominal hard] [--scenes 20] [--speeds 0.4 ...]
+Run: python benchmarks/navigation_people.py [--presets nominal hard] [--scenes 20] [--first 0] [--speeds 0.4]
 
 The people are two legs of 6 cm each. They cross the robot's path, pace across it, walk along it, or stand on
 it and leave. They never give way. The bench judges each touch: it is the robot's if the robot moves towards
@@ -42,6 +42,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--presets", nargs="+", choices=PRESETS, default=["nominal"])
     parser.add_argument("--scenes", type=int, default=20, help="number of scenes per kind")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first scene")
     parser.add_argument("--speeds", nargs="+", type=float, default=[0.4], help="fastest speeds [m/s]")
     given = parser.parse_args()
     usual = NavigationOptions()
@@ -49,7 +50,7 @@ def main() -> None:
     for preset, speed, kind in itertools.product(given.presets, given.speeds, KINDS):
         options = replace(usual, limits=replace(usual.limits, v_max_m_s=speed))
         runs = []
-        for seed in range(given.scenes):
+        for seed in range(given.first, given.first + given.scenes):
             course = course_among(KINDS[kind](np.random.default_rng(seed)))
             run = drive_course(course, preset=preset, seed=seed, navigation=options)
             runs.append(run)

@@ -227,6 +227,7 @@ class Navigator:
         if stop := self._check_inputs(cycle):
             return self._fail(stop.reason) if stop.final else self._pause(active, stop.reason)
 
+        self._parts.model.walking = self._parts.command_filter.walking_discs()
         costmap = self._parts.model.update(cycle)
         if costmap is None:
             return self._pause(active, "computing the costs of the whole map")

@@ -20,6 +20,8 @@ from thumper.navigation.planners.homotopy import is_same_side
 from thumper.navigation.planners.lattice import LatticePlanner
 from thumper.navigation.safety.collision_monitor import CollisionMonitor
 from thumper.navigation.safety.escape import Escape
+from thumper.navigation.safety.give_way import GiveWay
+from thumper.navigation.safety.tracks import STEPS
 
 SIDE = 80  # cells
 
@@ -58,7 +60,7 @@ def _warm_up_planning(
 
 
 def _warm_up_safety(options: NavigationOptions, footprint: Footprint, costmap: Costmap) -> None:
-    """Slow down before an obstacle, and get away from it."""
+    """Slow down before an obstacle, get away from it, and give way to a person."""
     monitor = CollisionMonitor(options.monitor, options.limits, footprint)
     ahead_m = np.array(((0.3, 0.0), (0.3, 0.1)))
     monitor.slow_down(Twist2(v_m_s=0.4), ahead_m)
@@ -72,3 +74,6 @@ def _warm_up_safety(options: NavigationOptions, footprint: Footprint, costmap: C
         period_s=0.1,
     )
     Escape(monitor, options.limits, footprint).compute_command(request, ahead_m, np.zeros(len(ahead_m)))
+    give_way, person = GiveWay(options.limits, footprint, margin_m=0.1), np.full((STEPS, 1, 3), 0.5)
+    give_way.is_in_conflict(Twist2(v_m_s=0.4), request, person)
+    give_way.best_command(request, person, lambda command: command)

@@ -1,4 +1,4 @@
-"""People at 1 m/s, on two legs, who cross or block the path: the robot drives into nobody."""
+"""People at 1 m/s, on two legs, who cross, block or come along the path: the robot drives into nobody."""
 
 import pytest
 
@@ -21,3 +21,12 @@ def test_drives_into_nobody(people: list[str]) -> None:
     run = drive_course(course_among(people), preset="nominal", seed=0)
     assert run.contacts == 0
     assert run.reached or run.bumps, run.reason
+
+
+@pytest.mark.parametrize("from_s", [1.0, 2.0])
+def test_steps_aside_for_somebody_who_comes_along_the_path(from_s: float) -> None:
+    people = [person((5.2, 0.2), (-1.0, 0.2), from_s=from_s)]
+    run = drive_course(course_among(people), preset="nominal", seed=0)
+    assert run.reached, run.reason
+    assert run.contacts == 0
+    assert run.bumps == 0

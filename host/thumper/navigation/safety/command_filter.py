@@ -2,18 +2,28 @@
 
 from dataclasses import dataclass
 
-from thumper.common.geometry import Twist2
+import numpy as np
+
+from thumper.common.geometry import FloatArray, Twist2
 from thumper.common.kinematics import DriveGeometry
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
+from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.local_model import NO_OBSTACLES, LocalModel
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.safety.collision_monitor import CollisionMonitor, CollisionMonitorOptions
 from thumper.navigation.safety.dynamic_obstacles import DynamicObstacleOptions, DynamicObstacles
 from thumper.navigation.safety.escape import Escape
+from thumper.navigation.safety.give_way import GiveWay
+from thumper.navigation.safety.tracks import STEPS, Tracks
 from thumper.navigation.safety.velocity_smoother import smooth_velocity
 from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
 from thumper.navigation.state import CycleInput
+
+NOBODY: FloatArray = np.empty((STEPS, 0, 3))
+# After so long of giving way in total the robot takes its turn for so long: it waits only for who comes into
+# its path next. Elsewhere the count falls as slowly as in a turn.
+PATIENCE_S, TURN_S = 6.0, 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,13 +56,28 @@ class CommandFilter:
         self._escape = Escape(self._monitor, limits, footprint)
         self._obstacles = NO_OBSTACLES
         self._dynamic_obstacles = DynamicObstacles(dynamic_obstacles, limits, padded, view)
+        self._gives_way = dynamic_obstacles.ahead_s > 0.0
+        self._view = view
+        self._tracks = Tracks(dynamic_obstacles.least_m_s)
+        self._give_way = GiveWay(limits, padded, margin_m=dynamic_obstacles.margin_m)
+        self._costmap: Costmap | None = None
+        self._gave_way_s, self._takes_turn = 0.0, False
 
     def update(self, cycle: CycleInput, model: LocalModel) -> None:
         """Take the cycle's obstacles, and detect the dynamic ones."""
         if model.jumped:
             self._dynamic_obstacles.forget()
+            self._tracks.forget()
         self._dynamic_obstacles.update(cycle.time_s, cycle.scan_pose, model.hits_m)
+        lidar = cycle.scan_pose @ self._view.base_from_laser
+        found = self._dynamic_obstacles
+        self._tracks.update(cycle.time_s, lidar, found.small, found.moving)
+        self._costmap = model.costmap
         self._obstacles = model.obstacles.in_base(cycle.map_from_base)
+
+    def walking_discs(self) -> FloatArray:
+        """Return discs (x, y, radius) where somebody walks, shape (n, 3); none in the robot's own turn."""
+        return NOBODY[0] if self._takes_turn else self._tracks.walking_discs()
 
     def sees_motion(self, time_s: float) -> bool:
         """Return whether there are dynamic obstacles, or were a moment ago."""
@@ -71,8 +96,16 @@ class CommandFilter:
         """
         command, reason = wanted.command, wanted.reason
         points_m, error_m, seen = self._obstacles
+        gives_way = allow_escape and self._gives_way and not self._takes_turn
+        discs = self._predicted() if gives_way else NOBODY
+        is_conflict = gives_way and self._give_way.is_in_conflict(command or Twist2(), request, discs)
+        self._count_patience(request.period_s, gave_way=is_conflict)
+        if is_conflict:
+            return self._give_way_command(request, discs)
         if command is not None:
-            if stop := self._dynamic_obstacles.stop_reason(command, request.twist, request.map_from_base):
+            if not gives_way and (
+                stop := self._dynamic_obstacles.stop_reason(command, request.twist, request.map_from_base)
+            ):
                 return FilteredCommand(command=Twist2(), reason=stop, yielding=True)
             command = smooth_velocity(command, request.last_command, self._limits, request.period_s)
             command = self._monitor.slow_down(command, points_m)
@@ -86,6 +119,35 @@ class CommandFilter:
         if escape is not None:
             return FilteredCommand(command=escape, reason=f"escaping: {reason}", escaping=True)
         return FilteredCommand(command=None, reason=reason)
+
+    def _count_patience(self, period_s: float, *, gave_way: bool) -> None:
+        """Take the robot's turn after it gave way for long, and end it later."""
+        change_s = period_s if gave_way else -period_s * PATIENCE_S / TURN_S
+        self._gave_way_s = max(self._gave_way_s + change_s, 0.0)
+        self._takes_turn = self._gave_way_s > (0.0 if self._takes_turn else PATIENCE_S)
+
+    def _predicted(self) -> FloatArray:
+        """Return the predicted discs of all that moves, as `Tracks.predicted`."""
+        if self._costmap is None:
+            return NOBODY
+        return self._tracks.predicted(self._costmap)
+
+    def _give_way_command(self, request: ControlRequest, discs: FloatArray) -> FilteredCommand:
+        """Return the motion that lets somebody pass, as far as the monitor allows it."""
+        points_m, error_m, seen = self._obstacles
+
+        def allowed(wanted: Twist2) -> Twist2 | None:
+            command = smooth_velocity(wanted, request.last_command, self._limits, request.period_s)
+            stop = self._monitor.stop_reason(
+                command, request.twist, points_m, error_m, request.period_s, seen=seen
+            )
+            return command if stop is None else None
+
+        command = self._give_way.best_command(request, discs, allowed)
+        what = "waiting for" if command == Twist2() else "giving way to"
+        speed_m_s = max(track.speed_m_s for track in self._tracks.moving())
+        reason = f"{what} a dynamic obstacle that moves at {speed_m_s:.1f} m/s"
+        return FilteredCommand(command=command, reason=reason, yielding=True)
 
     def _escape_command(self, request: ControlRequest) -> Twist2 | None:
         """Return a motion that gains room, if there is one; never toward a dynamic obstacle."""

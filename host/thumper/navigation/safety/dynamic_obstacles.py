@@ -63,6 +63,13 @@ class MovingObject(NamedTuple):
     velocity_m_s: FloatArray  # shape (2,)
 
 
+class SmallObject(NamedTuple):
+    """An object of a scan that may be a part of somebody."""
+
+    points_m: FloatArray  # shape (n, 2), in map
+    at_rest: bool  # it was there in the oldest scan, too, or hidden
+
+
 class DynamicObstacles:
     """Compares scans and reports when a command would cross the path of a dynamic obstacle."""
 
@@ -75,6 +82,7 @@ class DynamicObstacles:
         self._half_planes = footprint.half_planes()
         self._scans: deque[PastScan] = deque()
         self.moving: list[MovingObject] = []  # in the newest scan
+        self.small: list[SmallObject] = []  # the same, and what may have stopped
         self._moved_s = -math.inf  # when something moved last
 
     def forget(self) -> None:
@@ -92,6 +100,7 @@ class DynamicObstacles:
         scan = PastScan(time_s, map_from_base, hits_in_map_m)
         earlier = [past for past in self._scans if past.time_s <= time_s - COMPARED_S + ROUNDING_S]
         self.moving = self._detect(scan, earlier) if earlier else []
+        self.small = self._small_objects(scan)
         self._scans.append(scan)
         if self.moving:
             self._moved_s = time_s
@@ -149,6 +158,24 @@ class DynamicObstacles:
             if math.hypot(*velocity) >= self._options.least_m_s:
                 moving.append(MovingObject(points_m, velocity))
         return moving
+
+    def _small_objects(self, scan: PastScan) -> list[SmallObject]:
+        """Return the objects that are not too wide for a person."""
+        small = [
+            points_m
+            for points_m in _objects(scan.hits_m)
+            if len(points_m) >= LEAST_POINTS and np.ptp(points_m, axis=0).max() <= WIDEST_M
+        ]
+        if not small or not self._scans:
+            return []
+        oldest = self._scans[0]
+        evidence = ray_evidence(self._view, oldest.map_from_base, oldest.hits_m, np.vstack(small), PASSED_M)
+        may_rest = (evidence != Evidence.PASSED) & (evidence != Evidence.SILENT)
+        rests = np.split(may_rest, np.cumsum([len(points_m) for points_m in small])[:-1])
+        return [
+            SmallObject(points_m, float(still.mean()) >= LEAST_STILL_FRACTION)
+            for points_m, still in zip(small, rests, strict=True)
+        ]
 
     def _is_new(self, hits_m: FloatArray, earlier: list[PastScan]) -> NDArray[np.bool_]:
         """Return which hits are where earlier rays passed, or where several scans had no echo."""

@@ -14,11 +14,13 @@ from thumper.navigation.controllers.controller import ControlResult
 from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.safety.collision_monitor import CollisionMonitorOptions
-from thumper.navigation.safety.command_filter import CommandFilter, FilteredCommand
+from thumper.navigation.safety.command_filter import PATIENCE_S, TURN_S, CommandFilter, FilteredCommand
 from thumper.navigation.safety.dynamic_obstacles import DynamicObstacleOptions
+from thumper.navigation.safety.tracks import STEPS
 from thumper.navigation.speed_limits import SpeedLimits
 
 SLOW = Twist2(v_m_s=0.04)
+PERIOD_S = 0.1
 NONE = np.empty((0, 2))
 FRONT_M = 0.21
 
@@ -75,7 +77,23 @@ def test_command_is_slowed_before_an_obstacle() -> None:
 def test_robot_yields_to_a_dynamic_obstacle() -> None:
     checked = Filter()
     checked.yields_to = [SLOW]
-    assert checked.run(SLOW) == FilteredCommand(command=Twist2(), reason="a person", yielding=True)
+    assert checked.run(SLOW, allow_escape=False) == FilteredCommand(
+        command=Twist2(), reason="a person", yielding=True
+    )
+
+
+def test_robot_takes_its_turn_after_it_gave_way_for_long() -> None:
+    checked = Filter()
+    vars(checked.filter._tracks)["moving"] = lambda: [SimpleNamespace(speed_m_s=1.0)]
+    vars(checked.filter)["_predicted"] = lambda: np.full((STEPS, 1, 3), 0.3)
+    waiting = 0
+    while "giving way" in (reason := checked.run(SLOW).reason) or "waiting" in reason:
+        waiting += 1
+    assert waiting == pytest.approx(PATIENCE_S / PERIOD_S, abs=1)
+    driving = 1
+    while checked.run(SLOW).reason == "":
+        driving += 1
+    assert driving == pytest.approx(TURN_S / PERIOD_S, abs=15)
 
 
 def test_rejected_command_is_replaced_only_if_that_is_allowed() -> None:
@@ -121,7 +139,10 @@ def test_dynamic_obstacles_are_forgotten_when_the_map_jumps(*, jumped: bool) -> 
     obstacles.update = lambda *_: calls.append("update")
     here = Pose2(x_m=1.0)
     model: Any = SimpleNamespace(
-        jumped=jumped, hits_m=NONE, obstacles=ObstaclePoints(np.array(((1.5, 0.0),)), np.zeros(1), 1)
+        jumped=jumped,
+        hits_m=NONE,
+        obstacles=ObstaclePoints(np.array(((1.5, 0.0),)), np.zeros(1), 1),
+        costmap=None,
     )
     cycle: Any = SimpleNamespace(time_s=0.0, scan_pose=here, map_from_base=here)
     checked.filter.update(cycle, model)

@@ -1,0 +1,230 @@
+"""Tracks of people and other dynamic obstacles: where each is, how it moves, and where it may be soon.
+
+A track begins where `DynamicObstacles` finds something that moves. An alpha-beta filter follows the small
+objects near it in each scan, also while they stand for a moment or turn round. Both legs of a person are one
+track: one rests while the other swings.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from thumper.common.geometry import FloatArray, Pose2
+from thumper.navigation.costmap.costmap import Costmap
+from thumper.navigation.safety.dynamic_obstacles import MovingObject, SmallObject
+
+# Gains of position and velocity per scan: for somebody who walks straight, and for somebody who turns.
+STEADY_GAINS, TURNING_GAINS = (0.35, 0.10), (0.6, 0.30)
+TURNING_ERROR_M = 0.12  # a mean error that the swing of the legs does not explain
+MEAN_GAIN = 0.35
+GATE_M = 0.65  # an object further from the predicted place is not a part of this track
+REST_GATE_M = 0.3  # the same for an object that may be a part of a wall
+NEW_GATE_M = 0.8  # a foot that moves is part of a track that is nearer than this
+MOST_ERROR_M = 0.35  # of it counts
+FOOT_FRACTION = 0.6  # a foot swings at about twice the speed of who walks
+RADIUS_DECAY = 0.9  # per scan: a part of somebody may be hidden
+HIDDEN_S = 1.0  # a track without an object ends after this time, ...
+STANDS_S = 5.0  # ... and that of somebody who stands
+STANDING_S = 1.5  # somebody who stands for less may turn round
+TURNING_FRACTION = 0.7  # slower than this part of the speed that it had: it may turn round
+MERGE_M = 0.4  # two tracks this near are one
+LEAST_RADIUS_M, MOST_RADIUS_M = 0.12, 0.40
+STRIDE_M = 0.15  # two discs, one ahead of the other, cover both legs
+AGE_S = 0.1  # of the scan when the command reaches the wheels
+BEHIND_FRACTION = 0.6  # the lidar sees the near side: the middle is further off by this part of the radius
+FASTEST_M_S = 1.6
+WALL_M = 0.05  # room that somebody keeps to a wall
+NEAR_M = 0.4  # an obstacle nearer to the track than this now is no wall in its way
+EARLY_STEPS = 3  # somebody may turn so much sooner than at a wall
+SURE_STEPS = 30  # what somebody does at a wall is of interest if it is reached sooner
+STEP_S, STEPS = 0.1, 50  # of the predictions
+
+
+@dataclass(slots=True, kw_only=True)
+class Track:
+    """A dynamic obstacle: two discs of this radius, a stride apart."""
+
+    centre_m: FloatArray  # shape (2,), in map
+    velocity_m_s: FloatArray  # shape (2,)
+    radius_m: float
+    seen_s: float
+    moved_s: float  # when it was faster than `least_m_s` last ...
+    walk_m_s: FloatArray  # ... and its velocity then
+    mean_error_m: FloatArray = field(default_factory=lambda: np.zeros(2))  # of the predictions, lately
+
+    @property
+    def speed_m_s(self) -> float:
+        """Return the speed."""
+        return math.hypot(*self.velocity_m_s)
+
+    @property
+    def stride_m(self) -> FloatArray:
+        """Return the way from the middle to the disc of the foremost leg, shape (2,)."""
+        return STRIDE_M * self.walk_m_s / max(1e-9, math.hypot(*self.walk_m_s))
+
+
+class Tracks:
+    """Follows dynamic obstacles from scan to scan."""
+
+    def __init__(self, least_m_s: float) -> None:
+        """Slower objects than `least_m_s` count as static."""
+        self._least_m_s = least_m_s
+        self._time_s: float | None = None
+        self.tracks: list[Track] = []
+
+    def forget(self) -> None:
+        """Forget all: the map has moved."""
+        self.tracks, self._time_s = [], None
+
+    def update(
+        self, time_s: float, lidar: Pose2, objects: list[SmallObject], moving: list[MovingObject]
+    ) -> None:
+        """Follow all tracks to a scan's small objects; begin those of new moving ones."""
+        elapsed_s = 0.0 if self._time_s is None else time_s - self._time_s
+        self._time_s = time_s
+        discs = np.array([_disc(points_m, lidar) for points_m, _ in objects]).reshape(-1, 3)
+        rests = np.array([at_rest for _, at_rest in objects], np.bool_)
+        for track in self.tracks:
+            track.centre_m = track.centre_m + track.velocity_m_s * elapsed_s
+        centres_m = np.array([track.centre_m for track in self.tracks]).reshape(-1, 2)
+        distances_m = np.hypot(*(discs[:, None, :2] - centres_m).transpose(2, 0, 1))
+        for number, track in enumerate(self.tracks):
+            mine = (distances_m[:, number] <= GATE_M) & (distances_m[:, number] == distances_m.min(axis=1))
+            if (mine & ~rests).any():
+                mine &= ~rests
+            else:
+                mine &= distances_m[:, number] <= REST_GATE_M
+            if mine.any():
+                self._follow(track, discs[mine], time_s, elapsed_s)
+        self.tracks = [track for track in self.tracks if self._is_kept(track, time_s)]
+        self._merge()
+        for moved in moving:
+            x_m, y_m, radius_m = _disc(moved.points_m, lidar)
+            if all(math.dist((x_m, y_m), track.centre_m) > NEW_GATE_M for track in self.tracks):
+                velocity_m_s = _limited(FOOT_FRACTION * moved.velocity_m_s)
+                self.tracks.append(
+                    Track(
+                        centre_m=np.array((x_m, y_m)),
+                        velocity_m_s=velocity_m_s,
+                        radius_m=radius_m,
+                        seen_s=time_s,
+                        moved_s=time_s,
+                        walk_m_s=velocity_m_s,
+                    )
+                )
+
+    def _merge(self) -> None:
+        """Keep the older of two tracks at one place."""
+        kept: list[Track] = []
+        for track in self.tracks:
+            if all(math.dist(track.centre_m, other.centre_m) > MERGE_M for other in kept):
+                kept.append(track)
+        self.tracks = kept
+
+    def moving(self) -> list[Track]:
+        """Return the tracks that move, or stopped only a moment ago."""
+        return [track for track in self.tracks if track.speed_m_s >= self._least_m_s or self._turns(track)]
+
+    def walking_discs(self) -> FloatArray:
+        """Return the discs (x, y, radius) of the tracks that move now, shape (n, 3)."""
+        walking = [track for track in self.tracks if track.speed_m_s >= self._least_m_s]
+        return np.array([(*track.centre_m, MOST_RADIUS_M) for track in walking]).reshape(-1, 3)
+
+    def predicted(self, costmap: Costmap) -> FloatArray:
+        """Return the discs (x, y, radius) of all times and hypotheses, shape (STEPS, n, 3).
+
+        Who walks goes on straight. If an obstacle is in the way, one hypothesis is to stop there, others are
+        to turn round there or somewhat earlier. Who has just stopped may stay, turn round or go on.
+        """
+        found = [
+            np.column_stack((places_m + end * track.stride_m, np.full(STEPS, track.radius_m)))
+            for track in self.moving()
+            for places_m in self._hypotheses(track, costmap)
+            for end in (-1.0, 1.0)
+        ]
+        return np.ascontiguousarray(np.array(found).reshape(-1, STEPS, 3).transpose(1, 0, 2))
+
+    def _hypotheses(self, track: Track, costmap: Costmap) -> list[FloatArray]:
+        if track.speed_m_s < TURNING_FRACTION * math.hypot(*track.walk_m_s):
+            return [
+                _places_m(track, velocity_m_s, costmap, turns=False)
+                for velocity_m_s in (np.zeros(2), -track.walk_m_s, track.walk_m_s)
+            ]
+        stops, turns = (_places_m(track, track.velocity_m_s, costmap, turns=turns) for turns in (False, True))
+        if np.array_equal(stops[:SURE_STEPS], turns[:SURE_STEPS]):
+            return [stops]
+        early = _places_m(track, track.velocity_m_s, costmap, turns=True, earlier=EARLY_STEPS)
+        return [stops, turns, early]
+
+    def _follow(self, track: Track, discs: FloatArray, time_s: float, elapsed_s: float) -> None:
+        error_m = discs[:, :2].mean(axis=0) - track.centre_m
+        error_m *= min(1.0, MOST_ERROR_M / max(1e-9, math.hypot(*error_m)))
+        track.mean_error_m = track.mean_error_m + MEAN_GAIN * (error_m - track.mean_error_m)
+        turns = math.hypot(*track.mean_error_m) > TURNING_ERROR_M
+        position_gain, velocity_gain = TURNING_GAINS if turns else STEADY_GAINS
+        track.centre_m = track.centre_m + position_gain * error_m
+        track.velocity_m_s = _limited(track.velocity_m_s + velocity_gain * error_m / max(elapsed_s, 0.05))
+        radius_m = min(_reach_across_m(discs, track), MOST_RADIUS_M)
+        track.radius_m = max(radius_m, RADIUS_DECAY * track.radius_m)
+        track.seen_s = time_s
+        if track.speed_m_s >= self._least_m_s:
+            track.moved_s = time_s
+            if track.speed_m_s >= TURNING_FRACTION * math.hypot(*track.walk_m_s):
+                track.walk_m_s = track.velocity_m_s
+
+    def _turns(self, track: Track) -> bool:
+        return self._time_s is not None and self._time_s - track.moved_s < STANDING_S
+
+    @staticmethod
+    def _is_kept(track: Track, time_s: float) -> bool:
+        return time_s - track.seen_s <= HIDDEN_S and time_s - track.moved_s <= STANDS_S
+
+
+def _limited(velocity_m_s: FloatArray) -> FloatArray:
+    speed_m_s = math.hypot(*velocity_m_s)
+    return velocity_m_s * min(1.0, FASTEST_M_S / max(speed_m_s, 1e-9))
+
+
+def _disc(points_m: FloatArray, lidar: Pose2) -> tuple[float, float, float]:
+    """Return the disc (x, y, radius) of which the lidar sees the points, shape (n, 2)."""
+    middle_m = points_m.mean(axis=0)
+    away = middle_m - (lidar.x_m, lidar.y_m)
+    away /= max(1e-9, math.hypot(*away))
+    across = points_m @ np.array((-away[1], away[0]))
+    radius_m = max(LEAST_RADIUS_M, 0.5 * float(np.ptp(across)))
+    x_m, y_m = middle_m + BEHIND_FRACTION * radius_m * away
+    return float(x_m), float(y_m), min(radius_m, MOST_RADIUS_M)
+
+
+def _reach_across_m(discs: FloatArray, track: Track) -> float:
+    """Return how far discs (x, y, radius), shape (n, 3), reach to a side of where somebody walks."""
+    along = track.walk_m_s / max(1e-9, math.hypot(*track.walk_m_s))
+    offset_m = discs[:, :2] - track.centre_m
+    return float((np.abs(offset_m @ (-along[1], along[0])) + discs[:, 2]).max())
+
+
+def _places_m(
+    track: Track, velocity_m_s: FloatArray, costmap: Costmap, *, turns: bool, earlier: int = 0
+) -> FloatArray:
+    """Return the places at STEP_S, 2 STEP_S, ... at a velocity, shape (STEPS, 2), up to a wall or back.
+
+    `earlier` are the steps by which it ends or turns before the wall.
+    """
+    places_m = track.centre_m + velocity_m_s * (AGE_S + STEP_S * np.arange(1, STEPS + 1))[:, None]
+    rows, cols = costmap.cells_of(places_m)
+    inside = (rows >= 0) & (cols >= 0) & (rows < costmap.costs.shape[0]) & (cols < costmap.costs.shape[1])
+    least_cells = (track.radius_m + WALL_M) / costmap.resolution_m
+    is_wall = np.zeros(STEPS, np.bool_)
+    is_wall[inside] = costmap.squared_cells[rows[inside], cols[inside]] < least_cells**2
+    is_wall &= np.hypot(*(places_m - track.centre_m).T) > NEAR_M
+    walls = np.flatnonzero(is_wall)
+    if walls.size:
+        last = max(0, int(walls[0]) - 1 - earlier)
+        count = STEPS - 1 - last
+        after = last - np.arange(1, count + 1) if turns else np.full(count, last)
+        back_m = places_m[np.clip(after, 0, STEPS - 1)]
+        over = after < 0  # back past where it is now
+        back_m[over] = track.centre_m + velocity_m_s * (AGE_S + STEP_S * (after[over] + 1))[:, None]
+        places_m[last + 1 :] = back_m
+    return places_m
