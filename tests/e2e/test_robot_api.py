@@ -231,6 +231,8 @@ def test_invalid_numbers(call: Callable[[Robot], object], why: str, lab: Robot) 
     ("arguments", "why"),
     [
         ({"board": None}, "port names"),
+        ({"board": "/dev/ttyNONE9"}, "there is no such port; is it plugged in?"),
+        ({"board": "sim://?world=hal"}, "did you mean 'hall'?"),
         ({"board": "sim://", "config": "x\0"}, "config: .* is not a file path"),
         ({"board": "sim://", "session": 3}, "session: 3 is not a file path"),
         ({"board": "sim://", "map": "a.yaml", "session": "a.session"}, "pass only one"),

@@ -34,7 +34,7 @@ from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.goal import check_place
 from thumper.robot import arguments
-from thumper.runtime.assembly import collision_monitor, open_robot
+from thumper.runtime.assembly import check_ports, collision_monitor, open_robot
 from thumper.runtime.drive import motions, tasks
 from thumper.runtime.drive.motions import Motion
 from thumper.runtime.drive.tasks import Task
@@ -89,7 +89,7 @@ class Robot:
         Raises
         ------
         ThumperError
-            An argument or the configuration is wrong.
+            An argument or the configuration is wrong, or there is no such port.
         """
         if not (isinstance(board, str) and isinstance(lidar, str)):
             raise ThumperError(
@@ -111,6 +111,7 @@ class Robot:
         self._config = with_ports(
             load_config(path("config", config) if config else None), board=board, lidar=lidar
         )
+        check_ports(self._config)
         self._session = path("session", session) if session else None
         self._map = path("map", map) if map else None
         self._start = start if start or session or map else Pose2()

@@ -96,7 +96,7 @@ def open_robot(
     """
     if shared := shared_port(config):
         raise ThumperError(shared, exit_code=EXIT_USAGE)
-    _check_ports(config)
+    check_ports(config)
     with record_interrupts(), raise_lost_interrupt():
         warm_up(config)  # compiling takes seconds, which must not pass while wheels turn
     with _report_motors_off(), ExitStack() as stack:
@@ -146,7 +146,7 @@ def open_robot(
                 sensor.close()
 
 
-def _check_ports(config: RobotConfig) -> None:
+def check_ports(config: RobotConfig) -> None:
     """Refuse a wrong port before the kernels are compiled, which may take minutes."""
     sensors = [kind.name for kind in KINDS if kind.is_wanted(config)]
     for name in ("board", "lidar", *sensors):
