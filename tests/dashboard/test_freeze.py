@@ -57,7 +57,7 @@ def test_frozen_page_stops_the_robot(robot_address: str, tmp_path: Path, chromiu
             until(lambda: statuses and statuses[-1].mode == "holding")
             page.focus(".tp-stick")
             page.keyboard.down("ArrowUp")
-            until(lambda: statuses[-1].mode == "manual")
+            until(lambda: last_alive and last_alive[-1].mode == "manual")
             frozen = [
                 process
                 for process in chromium_processes(os.getpid())

@@ -75,7 +75,7 @@ def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
     until(lambda: robot.parameters["kp"] == 14.5)
     expect(page.locator(".tp-message")).to_have_text("The board now uses kp 14.5")
     number.fill("999")  # refused by the page, not sent
-    expect(page.locator(".tp-gain", has_text="kp")).to_contain_text("must be 0 … 60")
+    expect(page.locator(".tp-gain:has([data-gain=kp])")).to_contain_text("must be 0 … 60")
     before = len(queries_of(robot, "parameters/set"))
     apply.click()
     expect(page.locator(".tp-message")).to_contain_text("must be")
