@@ -114,7 +114,7 @@ class Guided:
     def repeated(self, buttons: tuple[str, ...]) -> None:
         """Let the robot drive until that succeeds.
 
-        On a busy computer the robot refuses a late request, and stops if the page's heartbeats are late.
+        On a busy computer the robot refuses a late request, and the board stops when commands are late.
         """
         passed, failed = (self.page.locator(f".tg-outcome.tg-{verdict}") for verdict in ("pass", "fail"))
         refused = self.page.locator(".tp-notice.bad")
