@@ -52,6 +52,7 @@ def _warm_up_planning(
     lattice.poses(costmap, Pose2(), goal)
     run_to_end(lattice.search_poses_to(costmap, costmap, Pose2(), *goal_poses(costmap, footprint, goal)))
     is_same_side(np.zeros((2, 2)), np.ones((2, 2)), costmap)
+    lattice.path_cost_m(costmap, np.zeros((2, 2)))
     part = part_of(costmap, *square_around(costmap, 0.0, 0.0, 1.0))
     for known in (costmap, part, replace(part, costs=part.costs.copy())):  # three memory layouts
         footprint_fits(known, footprint, goal)
