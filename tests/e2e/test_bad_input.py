@@ -37,11 +37,16 @@ def test_board_port_is_the_lidar(thumper: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "url", ["sim://robot/board?world=atlantis", "sim://robot/board?colour=red", "simm://robot/board"]
+    ("url", "named"),
+    [
+        ("sim://robot/board?world=atlantis", "atlantis: unknown world"),
+        ("sim://robot/board?colour=red", "'colour'"),
+        ("simm://robot/board", "simm://robot/board"),
+    ],
 )
-def test_invalid_simulated_port(thumper: Run, tmp_path: Path, url: str) -> None:
+def test_invalid_simulated_port(thumper: Run, tmp_path: Path, url: str, named: str) -> None:
     done = thumper("run", "--board", url, "--goal", "1", "0", "--out", tmp_path)
-    refused(done, url)
+    refused(done, named)
     assert done.returncode == 2
 
 

@@ -80,7 +80,8 @@ def test_suspended_computer_does_not_drive_on(chain: Chain) -> None:
     chain.robot.send_signal(signal.SIGCONT)
     time.sleep(STAYS_S)
     assert not chain.driven
-    assert "stopped the motors" in chain.reason()
+    # It may have been suspended while it wrote a command.
+    assert any(words in chain.reason() for words in ("stopped the motors", "Write timeout"))
     assert chain.contacts == 0
     chain.drive_again()
 

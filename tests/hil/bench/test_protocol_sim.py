@@ -114,7 +114,6 @@ def test_invalid_url_is_reported_in_one_line(open_sim: OpenPort, rest: str, word
     with pytest.raises(ThumperError, match=words) as caught:
         open_sim(rest)
     assert "\n" not in str(caught.value)
-    assert rest in str(caught.value)
     assert caught.value.exit_code == 2
 
 
