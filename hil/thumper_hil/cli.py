@@ -86,7 +86,7 @@ def sim(
     world: Annotated[
         str,
         typer.Option(
-            help="World (charging, hall, lab, lab_box, yard, or house-N with any number N), "
+            help="World (charging, hall, lab, lab_box, ramp, yard, or house-N with any number N), "
             "world file (TOML) or map (YAML).",
             autocompletion=_worlds,
         ),

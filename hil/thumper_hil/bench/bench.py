@@ -29,6 +29,7 @@ from thumper_hil.faults.catalogue import FaultError, FaultValue, fault_action
 from thumper_hil.faults.scenario import load_scenario
 from thumper_hil.faults.switches import Switches
 from thumper_hil.world.load_world import load_world
+from thumper_hil.world.ramps import climb_rad
 from thumper_hil.world.scene import NO_SEGMENTS, Scene
 from thumper_hil.world.sills import pitch_over_sills_rad
 from thumper_hil.world.start_pose import invalid_start_reason
@@ -305,6 +306,10 @@ class Bench:
             self._legs.check(pose, self.world.legs_m, TICK_S)
         pitch_rad = self._pitch.step(RADIUS_M * sum(truth.wheel_rad_s) / 2.0, TICK_S)
         pitch_rad += pitch_over_sills_rad(pose, self.world.sills_m)
+        if self.world.ramps_m.size:
+            floor_rad = climb_rad(pose, self.world.ramps_m)
+            self.chip.set_climb(floor_rad)
+            pitch_rad -= floor_rad
         self._track.add(truth.time_s, pose, pitch_rad)
         self.chip.set_attitude(pitch_rad=pitch_rad, roll_rad=self._switches.roll_rad)
         self._truth.add((truth.time_s, pose.x_m, pose.y_m, pose.theta_rad, *truth.wheel_rad_s))

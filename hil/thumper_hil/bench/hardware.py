@@ -73,7 +73,8 @@ def make_lidar(
     has_surfaces = bool(np.any(world.segment_surfaces) or np.any(world.circle_surfaces))
     is_level = preset.body.pitch_deg_per_m_s2 == preset.body.pitch_noise_deg == preset.mount.tilt_deg == 0.0
     conditions = UNDISTURBED
-    if has_surfaces or world.sills_m.size or preset.lidar != SILENT or not is_level:
+    is_flat = not (world.sills_m.size or world.ramps_m.size)
+    if has_surfaces or not is_flat or preset.lidar != SILENT or not is_level:
         conditions = BeamConditions(effects=preset.lidar, pitch_at=track.pitch_at, tilt_rad=mounting.tilt_rad)
     lidar: A5Device | Ld19 | Urg04Lx = LIDAR_MODELS[options.lidar](
         world=history,

@@ -213,6 +213,10 @@ class Chip:
         """Incline the body: front down, right side down. Only the accelerometer notices."""
         self._library.thumper_set_attitude(self._handle, pitch_rad, roll_rad)
 
+    def set_climb(self, climb_rad: float) -> None:
+        """Let the floor under the robot climb along its heading; gravity then acts on the motors."""
+        self._library.thumper_set_climb(self._handle, climb_rad)
+
     def fit_gyroscope(
         self, *, bias_deg_s: float = 0.0, upside_down: bool = False, identity: int = 0x68
     ) -> None:

@@ -102,6 +102,7 @@ def load_library() -> ctypes.CDLL:
         "hold": (None, [chip, number, number]),
         "release": (None, [chip]),
         "set_attitude": (None, [chip, number, number]),
+        "set_climb": (None, [chip, number]),
         "side_faults": (
             None,
             [chip, ctypes.c_int, number, number, ctypes.c_int, ctypes.c_int, ctypes.c_int, number],

@@ -43,9 +43,9 @@ class World:
     `segment_surfaces` and `circle_surfaces` hold the surface of the first segments and circles; all others
     are matt. The lidar sees `legs_m`, circles of walking people, but the robot does not stop at them
     (`scene.py`). It does stop at `overhangs_m`, segments that the lidar does not see, such as the edge of a
-    low table top. `sills_m`, rows x0 y0 x1 y1 height, are seen by nobody; the wheels climb over them. Only
-    the camera sees `tags`, and that the boxes in `painted` have a colour and end at a height; `boxes_m` and
-    `segments_m` have them, too.
+    low table top. `sills_m`, rows x0 y0 x1 y1 height, are seen by nobody; the wheels climb over them. Nor
+    are `ramps_m` seen (`ramps.py`). Only the camera sees `tags`, and that the boxes in `painted` have a
+    colour and end at a height; `boxes_m` and `segments_m` have them, too.
     """
 
     segments_m: FloatArray
@@ -59,6 +59,7 @@ class World:
     legs_m: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     overhangs_m: FloatArray = field(default_factory=lambda: np.zeros((0, 4)))
     sills_m: FloatArray = field(default_factory=lambda: np.zeros((0, 5)))
+    ramps_m: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
     tags: tuple[TagShape, ...] = ()
     painted: tuple[PaintedBox, ...] = ()
 
@@ -94,6 +95,7 @@ class World:
             circle_surfaces=np.array(shapes.circle_surfaces, np.int8),
             overhangs_m=np.vstack([np.zeros((0, 4)), *(table.edges_m() for table in shapes.tables)]),
             sills_m=np.array(shapes.sills, np.float64).reshape(-1, 5),
+            ramps_m=np.array(shapes.ramps, np.float64).reshape(-1, 6),
             tags=shapes.tags,
             painted=tuple(
                 PaintedBox(sides_m=box_sides(box), paint=paint)

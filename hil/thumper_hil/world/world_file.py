@@ -35,6 +35,7 @@ TABLE_KEYS = {
     "person": PERSON_KEYS,
     "table": RECTANGLE_KEYS | {"leg_radius_m", "clearance_m"},
     "sill": frozenset({"name", "points_m", "height_m"}),
+    "ramp": RECTANGLE_KEYS | {"rise_m"},
     "tag": frozenset({"name", "id", "x_m", "y_m", "z_m", "yaw_deg", "size_m"}),
 }
 SURFACES = {surface.name.lower(): surface for surface in Surface}
@@ -44,6 +45,7 @@ PERSON_SPEED_M_S = 0.8
 TABLE_LEG_RADIUS_M = 0.02
 TABLE_CLEARANCE_M = 0.7
 SILL_HEIGHT_M = 0.015
+STEEPEST_RAMP = 0.3  # rise over length; loss of grip and tipping on a slope are not modelled
 BOX_HEIGHT_M = 0.5  # of a coloured box
 TAG_HEIGHT_M, TAG_SIZE_M, TAGS_IN_FAMILY = 0.20, 0.10, 587
 
@@ -59,6 +61,7 @@ class WorldShapes:
     walkers: tuple[Pedestrian, ...] = ()
     tables: tuple[Furniture, ...] = ()
     sills: tuple[tuple[float, ...], ...] = ()  # x0, y0, x1, y1, height
+    ramps: tuple[tuple[float, ...], ...] = ()  # x, y, length, width, yaw_deg, rise
     segment_surfaces: tuple[int, ...] = ()
     box_surfaces: tuple[int, ...] = ()
     circle_surfaces: tuple[int, ...] = ()
@@ -122,6 +125,7 @@ def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
         walkers=base.walkers + own.walkers,
         tables=base.tables + own.tables,
         sills=base.sills + own.sills,
+        ramps=base.ramps + own.ramps,
         segment_surfaces=base.segment_surfaces + own.segment_surfaces,
         box_surfaces=base.box_surfaces + own.box_surfaces,
         circle_surfaces=base.circle_surfaces + own.circle_surfaces,
@@ -173,6 +177,7 @@ def _parse(data: dict[str, Any], folder: Path) -> WorldShapes:
         walkers=walkers,
         tables=tables,
         sills=tuple(sill for where, table in _tables(data, "sill") for sill in _sills(where, table)),
+        ramps=tuple(_ramp(where, table) for where, table in _tables(data, "ramp")),
         segment_surfaces=tuple(segment_surfaces),
         box_surfaces=tuple(box_surfaces),
         circle_surfaces=tuple(circle_surfaces),
@@ -245,6 +250,16 @@ def _sills(where: str, table: dict[str, Any]) -> Iterator[tuple[float, ...]]:
     height_m = _positive({"height_m": SILL_HEIGHT_M, **table}, "height_m", where)
     for (x0, y0), (x1, y1) in itertools.pairwise(_points(where, table, "points_m")):
         yield float(x0), float(y0), float(x1), float(y1), height_m
+
+
+def _ramp(where: str, table: dict[str, Any]) -> tuple[float, ...]:
+    box, rise_m = _box(where, table), _positive(table, "rise_m", where)
+    most_m = STEEPEST_RAMP * box[2]
+    if rise_m > most_m:
+        raise _BadWorldError(
+            f"{where}rise_m = {rise_m}: must be at most {STEEPEST_RAMP:g} of length_m, here {most_m:g} m"
+        )
+    return (*box, rise_m)
 
 
 def _timed(where: str, table: dict[str, Any], obstacle: TimedObstacle) -> TimedObstacle:

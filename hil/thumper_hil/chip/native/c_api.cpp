@@ -87,6 +87,7 @@ void thumper_hold(Chip* chip, double v_m_s, double w_rad_s) { chip->plant()->Hol
 void thumper_set_attitude(Chip* chip, double pitch_rad, double roll_rad) {
   chip->plant()->SetAttitude(pitch_rad, roll_rad);
 }
+void thumper_set_climb(Chip* chip, double climb_rad) { chip->plant()->SetClimb(climb_rad); }
 void thumper_release(Chip* chip) { chip->plant()->Release(); }
 
 }  // extern "C"

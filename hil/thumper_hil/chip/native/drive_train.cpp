@@ -67,9 +67,11 @@ void DriveTrain::Step(const BridgeCommand (&command)[2], double dt_s) {
   }
   battery_.Step(conductance_S * battery_.voltage_V() + source_A, dt_s);
   const bool wheels_in_air = params_.body.traction_Nm <= 0.0;
-  body_moves_ = !wheels_in_air && !(held_ && PushesIntoObstacle(torque_Nm));
+  // Weight that rolls acts on the wheels; weight that leans on an obstacle does not.
+  double rolling_Nm[2] = {torque_Nm[0] - gravity_Nm_, torque_Nm[1] - gravity_Nm_};
+  body_moves_ = !wheels_in_air && !(held_ && PushesIntoObstacle(rolling_Nm));
   const double before_rad_s[2] = {state_.wheel_rad_s[0], state_.wheel_rad_s[1]};
-  MoveWheels(torque_Nm, damping, dt_s);
+  MoveWheels(body_moves_ ? rolling_Nm : torque_Nm, damping, dt_s);
   double turn_rad[2];
   for (int side = 0; side < 2; ++side) {
     turn_rad[side] = 0.5 * (before_rad_s[side] + state_.wheel_rad_s[side]) * dt_s;
@@ -174,6 +176,12 @@ void DriveTrain::Place(double x_m, double y_m, double yaw_rad) {
   state_.x_m = x_m;
   state_.y_m = y_m;
   state_.yaw_rad = yaw_rad;
+}
+
+void DriveTrain::SetClimb(double climb_rad) {
+  constexpr double kGravity_m_s2 = 9.81;
+  const double force_N = params_.body.mass_kg * kGravity_m_s2 * std::sin(climb_rad);
+  gravity_Nm_ = 0.5 * params_.body.wheel_radius_m * force_N;
 }
 
 void DriveTrain::Hold(double v_m_s, double w_rad_s) {

@@ -36,6 +36,9 @@ class DriveTrain {
   void Hold(double v_m_s, double w_rad_s);
   void Release() { held_ = false; }
 
+  /// Put the body on a slope that climbs by this angle along its heading; gravity pulls it back down.
+  void SetClimb(double climb_rad);
+
   void SetFaults(int side, const SideFaults& faults) { faults_[side] = faults; }
   Battery& battery() { return battery_; }
 
@@ -62,6 +65,7 @@ class DriveTrain {
   RobotState state_;
   SideFaults faults_[2];
   double speed_m_s_ = 0.0;
+  double gravity_Nm_ = 0.0;  // against each side's wheels, on a slope
   bool held_ = false, body_moves_ = true;
   double held_v_m_s_ = 0.0, held_w_rad_s_ = 0.0;
 };

@@ -111,6 +111,11 @@ void Plant::Release() {
   DriveSwitches();
 }
 
+void Plant::SetClimb(double climb_rad) {
+  before_.SetClimb(climb_rad);
+  drive_train_.SetClimb(climb_rad);
+}
+
 void Plant::SetSwitch(int input, bool closed) {
   closed_[input] = closed;
   DriveSwitches();

@@ -37,6 +37,8 @@ class Plant {
   void Hold(double v_m_s, double w_rad_s);  ///< see DriveTrain; the bumper, a switch at input 1, closes
   void Release();
 
+  void SetClimb(double climb_rad);  ///< see DriveTrain
+
   /// Incline the body: `pitch` with the front down, `roll` with the right side down. Only the accelerometer
   /// notices.
   void SetAttitude(double pitch_rad, double roll_rad) { accelerometer_.SetAttitude(pitch_rad, roll_rad); }
