@@ -1,13 +1,16 @@
 """The page in a real browser while its server or the robot restarts."""
 
+import signal
 from functools import partial
 from pathlib import Path
 
+import pytest
 from benchmarks.shared.browser import Server
 from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import free_port, until
 from playwright.sync_api import Browser, Page, expect
 
+from tests.dashboard.test_page_manual import PAD
 from thumper.runtime.requests import EmergencyStop
 
 
@@ -28,16 +31,38 @@ def test_page_reconnects_to_a_restarted_server(page: Page, server: Server, robot
     until(pressed_and_said)
 
 
+@pytest.mark.parametrize("how", ["Space", "gamepad"])
 def test_a_stop_without_a_connection_is_sent_as_soon_as_there_is_one(
-    page: Page, server: Server, robot: FakeRobot
+    page: Page, server: Server, robot: FakeRobot, how: str
 ) -> None:
     server.kill()
     expect(page.locator("#tp-banner")).to_contain_text("No connection")
-    page.keyboard.press("Space")
+    if how == "gamepad":
+        page.evaluate(PAD, [False, 0.0, 1])
+    else:
+        page.keyboard.press("Space")
     expect(page.locator("#tp-notices")).to_contain_text("the emergency stop waits for it")
     assert not robot.received_of(EmergencyStop)
     server.start()
     until(partial(robot.received_of, EmergencyStop))
+
+
+def test_a_stop_that_the_server_never_read_is_sent_again(
+    page: Page, server: Server, robot: FakeRobot
+) -> None:
+    """As after a cut network: the browser takes messages, although nobody reads them."""
+    server.process.send_signal(signal.SIGSTOP)
+    page.keyboard.press("Space")
+    server.kill()
+    assert not robot.received_of(EmergencyStop)
+    server.start()
+    until(partial(robot.received_of, EmergencyStop))
+
+
+def test_a_stop_that_arrived_is_not_sent_again(page: Page, server: Server, robot: FakeRobot) -> None:
+    page.keyboard.press("Space")
+    until(partial(robot.received_of, EmergencyStop))
+    page.wait_for_function("sessionStorage.getItem('tp-waiting-stop') === null")
 
 
 def test_page_reconnects_to_a_restarted_robot(browser: Browser, tmp_path: Path) -> None:

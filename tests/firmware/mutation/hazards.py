@@ -222,6 +222,7 @@ NOT_OF_THE_FIRMWARE = frozenset(
         "the emergency stop is sent in a flood of other commands",
         "the dashboard that drives manually is frozen, closed, or its network cut",
         "the operator presses the emergency stop of a dashboard without a connection",
+        "the operator presses it just after the network was cut, before the page notices",
         "the dashboard that started an experiment is gone: nobody watches the lane",
         "the operator drives or backs into a wall",
         "gamepad unplugged, its program killed",

@@ -8,6 +8,7 @@ const MAX_NOTICES = 3;
 const OPEN_SELECT = ".q-menu, .q-dialog"; // Quasar closes these on Esc by itself
 
 const WAITING_STOP = "tp-waiting-stop";
+let answeredBy = Infinity; // the number of the heartbeat whose answer shows that the stop has arrived
 const cancellers = [];
 
 // Add a function that cancels what the user has begun, and returns whether there was anything. Esc calls it.
@@ -21,17 +22,23 @@ function cancelled() {
 }
 
 export function emergencyStop() {
-  const sent = send({ kind: "estop" });
+  sendStop();
+  sessionStorage.setItem(WAITING_STOP, "true"); // survives that the page loads again, with its server
   document.body.classList.add("tp-stopped");
   setTimeout(() => document.body.classList.remove("tp-stopped"), 600);
-  if (sent) return;
-  sessionStorage.setItem(WAITING_STOP, "true"); // survives that the page loads again, with its server
+  if (state.connected) return;
   notify("No connection: the emergency stop waits for it. A goal goes on: cut the power, or run `thumper stop`.", "bad");
 }
 
+// A socket takes messages for minutes after its network is cut. So the stop waits until the server has answered a
+// heartbeat that was sent after it.
+function sendStop() {
+  answeredBy = send({ kind: "estop" }) ? state.heartbeats + 1 : Infinity;
+}
+
 function sendWaitingStop() {
-  if (sessionStorage.getItem(WAITING_STOP) === null || !send({ kind: "estop" })) return;
-  sessionStorage.removeItem(WAITING_STOP);
+  if (sessionStorage.getItem(WAITING_STOP) === null) return;
+  sendStop();
   notify("The emergency stop was sent.", "good");
 }
 
@@ -46,7 +53,8 @@ export function notify(text, kind) {
 }
 
 export function startCommands() {
-  on("opened", sendWaitingStop);
+  on("connected", (connected) => { if (connected) sendWaitingStop(); });
+  on("server:beat", ({ n }) => { if (n >= answeredBy) sessionStorage.removeItem(WAITING_STOP); });
   // Listen in the capture phase: a focused button or field must not consume the stop key.
   document.addEventListener("keydown", (event) => {
     if (event.code === "Space") event.preventDefault();

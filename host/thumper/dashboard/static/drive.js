@@ -1,6 +1,7 @@
 // Manual driving: an on-screen joystick and the browser's gamepad. Both drive only while they are held;
 // a release sends zero speed.
 
+import { emergencyStop } from "./commands.js";
 import { on, send, state } from "./stream.js";
 
 const PERIOD_MS = 50;
@@ -127,7 +128,7 @@ class ManualDrive {
   readGamepad() {
     const gamepad = [...(navigator.getGamepads?.() ?? [])].find((candidate) => candidate?.connected);
     const isDown = (button) => Boolean(gamepad?.buttons[button]?.pressed);
-    this.sendOnPress("stop", isDown(BUTTONS.stop), { kind: "estop" }); // works without the focus, too
+    this.onPress("stop", isDown(BUTTONS.stop), emergencyStop); // works without the focus, too
     // Without the focus a browser may keep reporting the last state of the gamepad: a stick that never returns.
     if (!gamepad || document.hidden || !document.hasFocus()) {
       this.gamepadStatus.textContent = gamepad ? "Click this page to drive with the gamepad"
@@ -135,7 +136,7 @@ class ManualDrive {
       this.mustRelease = true;
       return null;
     }
-    this.sendOnPress("arm", isDown(BUTTONS.arm), { kind: "command", name: "arm" });
+    this.onPress("arm", isDown(BUTTONS.arm), () => send({ kind: "command", name: "arm" }));
     const held = isDown(BUTTONS.deadman);
     this.gamepadStatus.textContent = `${gamepad.id.slice(0, 24)}: ${held ? "driving" : "hold LB to drive"}`;
     if (!held) this.mustRelease = false;
@@ -143,8 +144,8 @@ class ManualDrive {
     return [-gamepad.axes[AXES.forward], -gamepad.axes[AXES.turn], isDown(BUTTONS.turbo), isDown(BUTTONS.override)];
   }
 
-  sendOnPress(name, isDown, message) {
-    if (isDown && !this.pressed.has(name)) send(message);
+  onPress(name, isDown, act) {
+    if (isDown && !this.pressed.has(name)) act();
     if (isDown) this.pressed.add(name);
     else this.pressed.delete(name);
   }

@@ -1,4 +1,4 @@
-// The websocket to the server: receives packets, sends messages and the heartbeat that lets the robot move.
+// The websocket to the server: receives packets, sends messages, and heartbeats without which tuning stops.
 
 import { GridImage } from "./grid_image.js";
 
@@ -18,14 +18,16 @@ const GRIDS = ["map", "local_costmap"];
 // or `server:` and the kind of a text message.
 const listeners = new Map();
 // `values` are the robot's; `shown` are those on the map: of the recording or saved map `playback`, else the robot's.
-export const state = { connected: false, pageId: "", packets: 0, rttMs: null, values: {}, playback: "", banner: "" };
+// `heartbeats` is the number of the newest heartbeat sent.
+export const state = {
+  connected: false, pageId: "", packets: 0, heartbeats: 0, rttMs: null, values: {}, playback: "", banner: "",
+};
 state.shown = state.values;
 
 let socket = null;
 let retries = 0;
 let lastPacketMs = 0;
 let rowsMeanwhile = []; // of the charts, during a playback
-let heartbeatNumber = 0;
 const heartbeatSentMs = new Map(); // heartbeat number -> time
 
 export function on(name, listener) {
@@ -162,11 +164,11 @@ function connect() {
 
 function sendHeartbeat() {
   if (lastPacketMs && performance.now() - lastPacketMs > STALE_MS) setConnected(false);
-  if (document.hidden) return; // a hidden page must not keep the robot moving
-  heartbeatNumber += 1;
-  heartbeatSentMs.set(heartbeatNumber, performance.now());
+  if (document.hidden) return; // a hidden page must not keep an experiment going
+  state.heartbeats += 1;
+  heartbeatSentMs.set(state.heartbeats, performance.now());
   if (heartbeatSentMs.size > MAX_PENDING_HEARTBEATS) heartbeatSentMs.clear();
-  send({ kind: "heartbeat", n: heartbeatNumber });
+  send({ kind: "heartbeat", n: state.heartbeats });
 }
 
 export function startStream() {
