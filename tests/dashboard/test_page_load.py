@@ -24,6 +24,16 @@ def test_a_page_that_has_loaded_does_not_say_so(page: Page) -> None:
     expect(page.locator("#tp-loading")).to_have_count(0)
 
 
+def test_a_broken_tool_does_not_leave_the_emergency_stop_covered(browser: Browser, server: Server) -> None:
+    page = browser.new_page()
+    broken = "export function addMapEditor() { throw new Error('broken'); } export function editMap() {}"
+    page.route("**/map_editor.js", lambda route: route.fulfill(body=broken, content_type="text/javascript"))
+    page.goto(server.url)
+    expect(page.locator(".tp-estop")).to_be_visible()
+    expect(page.locator("#tp-loading")).to_have_count(0)
+    page.close()
+
+
 class Files:
     """Stands for the web application: counts its requests and answers each in two parts."""
 

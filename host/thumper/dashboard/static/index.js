@@ -26,8 +26,8 @@ export function startPage() {
   startReadouts();
   startShortcuts();
   startStream(); // first: the emergency stop needs it, and nothing below
+  document.getElementById("tp-loading")?.remove(); // it covers the button of the emergency stop
   addPlayback();
   addMapEditor();
-  document.getElementById("tp-loading")?.remove();
   window.thumper = { state }; // for the browser console and for tests
 }
