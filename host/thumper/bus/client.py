@@ -35,7 +35,7 @@ class BusClient(Closable):
     ) -> None:
         """`tls` is as in `[bus]`; `wait`: connect in the background as soon as there is a robot."""
         self.robot = robot
-        self.source = uuid.uuid4().hex  # the sender's id: heartbeats guard the goals of the same source
+        self.source = uuid.uuid4().hex  # the sender's id: an experiment needs the heartbeats of its source
         self._prefix = f"thumper/{robot}/"
         self._has_answered = False
         self._problem = "no robot is connected yet"

@@ -184,7 +184,7 @@ class Connections:
                 if other.name == before:
                     other.send_text(
                         "refused",
-                        text="Another page has taken control; the motion that this page started stops.",
+                        text="Another page has taken control: this page can no longer drive. A goal goes on.",
                     )
 
     def _run_query(self, page: PageConnection, query: PendingQuery) -> None:

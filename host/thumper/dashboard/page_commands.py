@@ -1,9 +1,8 @@
 """Send the pages' checked messages to the robot, and forward the heartbeats of the page that drives it.
 
 The page that starts a motion has control: from then on its heartbeats are forwarded to the robot under its
-name. If they end, for whatever reason, the robot stops. Another page can drive only after it has taken
-control, which stops the motion of the first one. Every page can stop the robot. Pages that only watch may
-come and go.
+name. If they end, for whatever reason, the experiment that it started ends; a goal goes on. Another page can
+drive only after it has taken control. Every page can stop the robot. Pages that only watch may come and go.
 """
 
 import time
@@ -179,7 +178,7 @@ class PageCommands:
         if self.operator not in ("", page) and (starts_motion or isinstance(message, InitialPose)):
             raise ThumperError("another page controls the robot; press Take control to drive from here")
         if starts_motion or isinstance(message, TakeControl):
-            self.operator = page  # the heartbeats of another page end, so its motion stops
+            self.operator = page  # the heartbeats of another page end, and with them its experiment
 
     def _pillar(self, message: Obstacle) -> dict[str, float]:
         """Return the pillar relative to the robot: the simulated world has its own frame."""
