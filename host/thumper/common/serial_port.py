@@ -168,11 +168,11 @@ def check_port(url: str, name: str) -> None:
         There is no such port.
     """
     if "://" not in url:
+        if Path(url).exists():
+            return
         if url.startswith("sim"):
             raise ThumperError(f"{url}: no such port; did you mean 'sim://'?", exit_code=EXIT_USAGE)
-        if not Path(url).exists():
-            raise _open_error(url, name, FileNotFoundError())
-        return
+        raise _open_error(url, name, FileNotFoundError())
     _register_plugins()
     try:
         port = serial.serial_for_url(url, do_not_open=True)

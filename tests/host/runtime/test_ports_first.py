@@ -1,10 +1,21 @@
 """A wrong port or world is refused before the kernels are compiled, which may take minutes."""
 
+from pathlib import Path
+
 import pytest
 
 from thumper.common.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
+from thumper.common.serial_port import check_port
 from thumper.config.robot import RobotConfig, with_ports
 from thumper.runtime import assembly
+
+
+def test_a_device_whose_name_begins_with_sim_is_no_wrong_url(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sim_board").touch()
+    check_port("sim_board", "board")
 
 
 @pytest.mark.parametrize(
