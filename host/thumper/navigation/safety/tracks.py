@@ -60,7 +60,7 @@ class Track:
 
     @property
     def stride_m(self) -> FloatArray:
-        """Return the way from the middle to the disc of the foremost leg, shape (2,)."""
+        """Return the vector from the middle to the disc of the foremost leg, shape (2,)."""
         return STRIDE_M * self.walk_m_s / max(1e-9, math.hypot(*self.walk_m_s))
 
 
@@ -85,6 +85,8 @@ class Tracks:
         self._time_s = time_s
         discs = np.array([_disc(points_m, lidar) for points_m, _ in objects]).reshape(-1, 3)
         rests = np.array([at_rest for _, at_rest in objects], np.bool_)
+        if elapsed_s > HIDDEN_S:  # the robot has not looked: what is there now may be something else
+            self.tracks = []
         for track in self.tracks:
             track.centre_m = track.centre_m + track.velocity_m_s * elapsed_s
         centres_m = np.array([track.centre_m for track in self.tracks]).reshape(-1, 2)

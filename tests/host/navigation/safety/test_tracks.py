@@ -94,6 +94,18 @@ def test_in_the_open_there_is_one_prediction() -> None:
     assert discs[0, 1, 1] - discs[0, 0, 1] == pytest.approx(2.0 * STRIDE_M, abs=0.01)  # both legs
 
 
+@pytest.mark.parametrize(("pause_s", "count"), [(0.5, 1), (3.0, 0)])
+def test_a_pause_ends_the_tracks_even_if_something_stands_where_they_would_be(
+    pause_s: float, count: int
+) -> None:
+    tracks = walked(UP)
+    (track,) = tracks.tracks
+    x_m, y_m = track.centre_m + track.velocity_m_s * pause_s
+    there = SmallObject(disc_m(x_m, y_m), False)
+    tracks.update(0.1 * (len(UP) - 1) + pause_s, LIDAR, [there], [])
+    assert len(tracks.tracks) == count
+
+
 def test_a_jump_of_the_map_ends_the_tracks() -> None:
     tracks = walked(UP)
     tracks.forget()
