@@ -116,7 +116,7 @@ class ObstacleMemory:
         all_s = np.concatenate((np.full(len(near), time_s), self._times_s))
         all_seen_at_m = np.concatenate((np.full(len(near), self._driven_m), self._seen_at_m))
         voxels = np.floor(all_m / VOXEL_M).astype(np.int64)
-        # One number a voxel: `np.unique` sorts numbers much faster than rows.
+        # One number per voxel: `np.unique` sorts numbers much faster than rows.
         _, first = np.unique(voxels[:, 0] * 2**32 + voxels[:, 1], return_index=True)
         self._points_m, self._times_s, self._seen_at_m = all_m[first], all_s[first], all_seen_at_m[first]
         self._silent = np.concatenate((np.zeros(len(near), np.int64), self._silent))[first]

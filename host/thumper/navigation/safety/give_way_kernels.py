@@ -107,12 +107,12 @@ def score_plans(
 ) -> FloatArray:
     """Return the cost of each plan, shape (n,), of commands (v, w), shape (n, segments, 2).
 
-    It is infinite for plans that cost more than another one with the same first command, by `weights.keep`.
-    Those follow one another.
+    Plans with the same first command must follow one another. If one of them costs more than the best of
+    them by `weights.keep`, its cost is infinite: the simulation stops early.
 
     `ends`, shape (segments,), are the steps at which the commands end. With w = NaN the robot turns toward
-    the end of the path. A plan ends at its first contact with an
-    obstacle that stands. Backward it may not drive over unknown ground.
+    the end of the path. A plan ends at its first contact with a static obstacle. Backward it may not drive
+    over unknown space.
     """
     start, steps, step_s = task.start, task.discs.shape[0], task.dynamics.step_s
     totals = np.zeros(plans.shape[0])
