@@ -1,4 +1,4 @@
-"""The command filter: dynamic obstacles, velocity smoother, collision monitor, escape."""
+"""The command filter: give way, dynamic obstacles, velocity smoother, collision monitor, escape."""
 
 from dataclasses import dataclass
 
@@ -21,9 +21,9 @@ from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
 from thumper.navigation.state import CycleInput
 
 NOBODY: FloatArray = np.empty((STEPS, 0, 3))
-# After so long of giving way in total the robot takes its turn for so long: it waits only for who comes into
-# its path next. Elsewhere the count falls as slowly as in a turn.
-PATIENCE_S, TURN_S = 6.0, 60.0
+# After so long of giving way in total the robot has priority for so long: it waits only for who comes into
+# its path next. While nobody is in conflict, the total falls as slowly as it does with priority.
+GIVING_WAY_S, PRIORITY_S = 6.0, 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +32,7 @@ class FilteredCommand:
 
     command: Twist2 | None  # None: rejected
     reason: str = ""  # why it was rejected or changed
-    yielding: bool = False  # zero, to let a dynamic obstacle pass
+    yielding: bool = False  # to let a dynamic obstacle pass: another motion, or zero
     escaping: bool = False  # another motion, because the wanted one was rejected
 
 
@@ -61,7 +61,7 @@ class CommandFilter:
         self._tracks = Tracks(dynamic_obstacles.least_m_s)
         self._give_way = GiveWay(limits, padded, margin_m=dynamic_obstacles.margin_m)
         self._costmap: Costmap | None = None
-        self._gave_way_s, self._takes_turn = 0.0, False
+        self._gave_way_s, self._has_priority = 0.0, False
 
     def update(self, cycle: CycleInput, model: LocalModel) -> None:
         """Take the cycle's obstacles, and detect the dynamic ones."""
@@ -76,8 +76,8 @@ class CommandFilter:
         self._obstacles = model.obstacles.in_base(cycle.map_from_base)
 
     def walking_discs(self) -> FloatArray:
-        """Return discs (x, y, radius) where somebody walks, shape (n, 3); none in the robot's own turn."""
-        return NOBODY[0] if self._takes_turn else self._tracks.walking_discs()
+        """Return discs (x, y, radius) where somebody walks, shape (n, 3); none if the robot gives no way."""
+        return self._tracks.walking_discs() if self._gives_way and not self._has_priority else NOBODY[0]
 
     def sees_motion(self, time_s: float) -> bool:
         """Return whether there are dynamic obstacles, or were a moment ago."""
@@ -96,10 +96,10 @@ class CommandFilter:
         """
         command, reason = wanted.command, wanted.reason
         points_m, error_m, seen = self._obstacles
-        gives_way = allow_escape and self._gives_way and not self._takes_turn
+        gives_way = allow_escape and self._gives_way and not self._has_priority
         discs = self._predicted() if gives_way else NOBODY
         is_conflict = gives_way and self._give_way.is_in_conflict(command or Twist2(), request, discs)
-        self._count_patience(request.period_s, gave_way=is_conflict)
+        self._count_giving_way(request.period_s, gave_way=is_conflict)
         if is_conflict:
             return self._give_way_command(request, discs)
         if command is not None:
@@ -120,11 +120,11 @@ class CommandFilter:
             return FilteredCommand(command=escape, reason=f"escaping: {reason}", escaping=True)
         return FilteredCommand(command=None, reason=reason)
 
-    def _count_patience(self, period_s: float, *, gave_way: bool) -> None:
-        """Take the robot's turn after it gave way for long, and end it later."""
-        change_s = period_s if gave_way else -period_s * PATIENCE_S / TURN_S
+    def _count_giving_way(self, period_s: float, *, gave_way: bool) -> None:
+        """Give the robot priority after it gave way for long, and end that later."""
+        change_s = period_s if gave_way else -period_s * GIVING_WAY_S / PRIORITY_S
         self._gave_way_s = max(self._gave_way_s + change_s, 0.0)
-        self._takes_turn = self._gave_way_s > (0.0 if self._takes_turn else PATIENCE_S)
+        self._has_priority = self._gave_way_s > (0.0 if self._has_priority else GIVING_WAY_S)
 
     def _predicted(self) -> FloatArray:
         """Return the predicted discs of all that moves, as `Tracks.predicted`."""

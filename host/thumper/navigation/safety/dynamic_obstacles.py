@@ -38,9 +38,9 @@ ROUNDING_S = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DynamicObstacleOptions:
-    """When the robot waits for dynamic obstacles."""
+    """When the robot gives way to dynamic obstacles."""
 
-    # Prediction time of people and other dynamic obstacles [s]; 0 waits for none.
+    # Prediction time in a recovery, at the goal and with priority [s]; 0: the robot gives way to nobody.
     ahead_s: Annotated[float, Ge(0)] = 2.0
     # Distance kept from their predicted positions [m].
     margin_m: Annotated[float, Ge(0)] = 0.12

@@ -14,7 +14,7 @@ from thumper.navigation.controllers.controller import ControlResult
 from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.safety.collision_monitor import CollisionMonitorOptions
-from thumper.navigation.safety.command_filter import PATIENCE_S, TURN_S, CommandFilter, FilteredCommand
+from thumper.navigation.safety.command_filter import GIVING_WAY_S, PRIORITY_S, CommandFilter, FilteredCommand
 from thumper.navigation.safety.dynamic_obstacles import DynamicObstacleOptions
 from thumper.navigation.safety.tracks import STEPS
 from thumper.navigation.speed_limits import SpeedLimits
@@ -28,11 +28,11 @@ FRONT_M = 0.21
 class Filter:
     """A command filter whose obstacles and dynamic obstacles a test sets."""
 
-    def __init__(self) -> None:
+    def __init__(self, ahead_s: float = 2.0) -> None:
         self.filter = CommandFilter(
             limits=SpeedLimits(),
             monitor=CollisionMonitorOptions(),
-            dynamic_obstacles=DynamicObstacleOptions(),
+            dynamic_obstacles=DynamicObstacleOptions(ahead_s=ahead_s),
             footprint=Footprint(),
             padded=Footprint(),
             drive=None,
@@ -82,18 +82,25 @@ def test_robot_yields_to_a_dynamic_obstacle() -> None:
     )
 
 
-def test_robot_takes_its_turn_after_it_gave_way_for_long() -> None:
+def test_robot_has_priority_after_it_gave_way_for_long() -> None:
     checked = Filter()
     vars(checked.filter._tracks)["moving"] = lambda: [SimpleNamespace(speed_m_s=1.0)]
     vars(checked.filter)["_predicted"] = lambda: np.full((STEPS, 1, 3), 0.3)
     waiting = 0
     while "giving way" in (reason := checked.run(SLOW).reason) or "waiting" in reason:
         waiting += 1
-    assert waiting == pytest.approx(PATIENCE_S / PERIOD_S, abs=1)
+    assert waiting == pytest.approx(GIVING_WAY_S / PERIOD_S, abs=1)
     driving = 1
     while checked.run(SLOW).reason == "":
         driving += 1
-    assert driving == pytest.approx(TURN_S / PERIOD_S, abs=15)
+    assert driving == pytest.approx(PRIORITY_S / PERIOD_S, abs=15)
+
+
+@pytest.mark.parametrize(("ahead_s", "count"), [(2.0, 1), (0.0, 0)])
+def test_people_stay_obstacles_for_a_robot_that_gives_no_way(ahead_s: float, count: int) -> None:
+    checked = Filter(ahead_s)
+    vars(checked.filter._tracks)["walking_discs"] = lambda: np.array(((1.0, 0.0, 0.4),))
+    assert len(checked.filter.walking_discs()) == count
 
 
 def test_rejected_command_is_replaced_only_if_that_is_allowed() -> None:
