@@ -2,6 +2,7 @@
 
 import shutil
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,6 +23,8 @@ HELP = """r: arm, then hold a key to drive:   u i o    (or the arrow keys; with 
 Space, Esc: EMERGENCY STOP   c: clear the fault   f: disarm   q: quit
 gamepad: hold LB to drive (RB: turbo), left stick forward, right stick turns, B: EMERGENCY STOP,
          Start: arm, Back: disarm, hold X: ignore obstacles"""
+
+NO_TERMINAL = "no terminal, so no keys: drive with a gamepad, plugged in now or later"
 
 
 def teleop(
@@ -62,14 +65,15 @@ def teleop(
             raise ThumperError(
                 "neither a terminal nor a gamepad to drive with; start it in a terminal", exit_code=EXIT_USAGE
             )
-        print(HELP)
+        print(HELP if terminal else NO_TERMINAL, flush=True)
         loop = TeleopLoop(
             settings, client.publish, terminal.read if terminal else bytes, pad, assisted=assist
         )
         stack.callback(loop.release)
         try:
             watchdog = StatusWatchdog(client, lambda line: latest.update(status=line))
-            _drive(loop, pad, latest, watchdog, 1.0 / settings.teleop.rate_Hz)
+            row = one_row if terminal else None
+            _drive(loop, pad, latest, watchdog, row, 1.0 / settings.teleop.rate_Hz)
         except KeyboardInterrupt:
             pass
         finally:
@@ -81,9 +85,13 @@ def _drive(
     pad: "Gamepad | None",
     latest: dict[str, str],
     heartbeat: "StatusWatchdog",
+    row: Callable[[str], str] | None,
     period_s: float,
 ) -> None:
-    """Run the loop until the operator quits; print events and, every 0.2 s, a status line."""
+    """Run the loop until the operator quits; print events and, every 0.2 s, a status line in one `row`.
+
+    With None, as in a service's log, there is no status line.
+    """
     line_s, last_event = 0.0, ""
     due_s = time.monotonic()
     while loop.step(time.monotonic(), period_s):
@@ -93,12 +101,13 @@ def _drive(
             heartbeat.check()
             event = latest.get("event", "")
             if event != last_event:
-                print(f"\r\033[K{event}")
+                print(f"\r\033[K{event}" if row else event, flush=True)
                 last_event = event
             device = pad.name if pad and pad.name else "keyboard"
             twist = loop.twist
             line = f"{device}: {twist.v_m_s:+.2f} m/s {twist.w_rad_s:+.2f} rad/s | {latest.get('status', '')}"
-            print(one_row(line), end="", flush=True)
+            if row:
+                print(row(line), end="", flush=True)
         due_s = max(due_s + period_s, now_s)  # do not catch up on missed cycles
         time.sleep(max(0.0, due_s - now_s))
 
