@@ -2,7 +2,6 @@
 
 import shutil
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -72,8 +71,8 @@ def teleop(
         stack.callback(loop.release)
         try:
             watchdog = StatusWatchdog(client, lambda line: latest.update(status=line))
-            row = one_row if terminal else None
-            _drive(loop, pad, latest, watchdog, row, 1.0 / settings.teleop.rate_Hz)
+            period_s = 1.0 / settings.teleop.rate_Hz
+            _drive(loop, pad, latest, watchdog, period_s, status_line=terminal is not None)
         except KeyboardInterrupt:
             pass
         finally:
@@ -85,13 +84,11 @@ def _drive(
     pad: "Gamepad | None",
     latest: dict[str, str],
     heartbeat: "StatusWatchdog",
-    row: Callable[[str], str] | None,
     period_s: float,
+    *,
+    status_line: bool,
 ) -> None:
-    """Run the loop until the operator quits; print events and, every 0.2 s, a status line in one `row`.
-
-    With None, as in a service's log, there is no status line.
-    """
+    """Run the loop until the operator quits; print events and, if wanted, a status line every 0.2 s."""
     line_s, last_event = 0.0, ""
     due_s = time.monotonic()
     while loop.step(time.monotonic(), period_s):
@@ -101,13 +98,12 @@ def _drive(
             heartbeat.check()
             event = latest.get("event", "")
             if event != last_event:
-                print(f"\r\033[K{event}" if row else event, flush=True)
+                print(f"\r\033[K{event}" if status_line else event, flush=True)
                 last_event = event
-            device = pad.name if pad and pad.name else "keyboard"
-            twist = loop.twist
-            line = f"{device}: {twist.v_m_s:+.2f} m/s {twist.w_rad_s:+.2f} rad/s | {latest.get('status', '')}"
-            if row:
-                print(row(line), end="", flush=True)
+            if status_line:
+                device = pad.name if pad and pad.name else "keyboard"
+                speeds = f"{loop.twist.v_m_s:+.2f} m/s {loop.twist.w_rad_s:+.2f} rad/s"
+                print(one_row(f"{device}: {speeds} | {latest.get('status', '')}"), end="", flush=True)
         due_s = max(due_s + period_s, now_s)  # do not catch up on missed cycles
         time.sleep(max(0.0, due_s - now_s))
 
