@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Gt, Le, MinLen
-from pydantic import AfterValidator, ConfigDict, TypeAdapter, with_config
+from pydantic import AfterValidator, TypeAdapter, with_config
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
-from thumper.common.strict_toml import read_checked
+from thumper.common.strict_toml import STRICT, read_checked
 from thumper.config.robot import config_to_json, load_config
 from thumper.runtime.drive.goal_limits import MAX_GOAL_DISTANCE_M
 from thumper_hil.bench.collision import FOOTPRINT_M
@@ -27,7 +27,6 @@ from thumper_hil.world.start_pose import invalid_start_reason
 from thumper_hil.world.world import World
 
 HOUSE_HAS_ITS_OWN = "start, goal, via: every house has its own; delete them"
-_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 def _plain_name(text: str) -> str:
@@ -47,7 +46,7 @@ Name = Annotated[str, AfterValidator(_plain_name)]
 Measure = Annotated[str, AfterValidator(_known_measure)]
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seeds:
     """Seeds of the random numbers: `first`, `first + 1`, ..."""
@@ -56,7 +55,7 @@ class Seeds:
     count: Annotated[int, Gt(0), Le(10_000)] = 10
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionSpec:
     """One drive in one world. The start's heading is in degrees, counter-clockwise from x.
@@ -71,7 +70,7 @@ class MissionSpec:
     via: tuple[tuple[float, float], ...] = ()  # intermediate goals, in order
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterSet:
     """A robot's configuration (default: the Wild Thumper) and its faults."""
@@ -82,7 +81,7 @@ class ParameterSet:
     preset: Literal["nominal", "hard"] = "nominal"  # how hard the simulated robot is
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Campaign:
     """Every mission with every seed and every parameter set; `show` selects the measures of the summary."""

@@ -6,15 +6,14 @@ from pathlib import Path
 from typing import Annotated
 
 from annotated_types import Gt
-from pydantic import ConfigDict, TypeAdapter, with_config
+from pydantic import TypeAdapter, with_config
 
-from thumper.common.strict_toml import read_checked
+from thumper.common.strict_toml import STRICT, read_checked
 
-_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 Positive = Annotated[float, Gt(0)]
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Springs:
     """The suspension on which the body pitches, and the height of the lidar on it."""
@@ -25,7 +24,7 @@ class Springs:
     lidar_height_m: Positive
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cable:
     """A loose cable that the lidar sees; its bearing is counter-clockwise from the lidar's front."""
@@ -35,7 +34,7 @@ class Cable:
     range_m: Positive
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyParts:
     """Parts of the robot that only effects know."""

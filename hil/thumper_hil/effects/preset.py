@@ -1,22 +1,22 @@
 """How hard the simulated robot is: the strength of every disturbance, read from a preset's TOML."""
 
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
-from pydantic import ConfigDict, TypeAdapter, with_config
+from pydantic import TypeAdapter, with_config
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.common.strict_toml import read_checked
+from thumper.common.strict_toml import STRICT, read_checked
 
 PRESETS = ("nominal", "hard")
-_STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 Share = Annotated[float, Ge(0), Le(1)]
 NotNegative = Annotated[float, Ge(0)]
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HostEffects:
     """The host computer: how slow it is and how late it wakes up."""
@@ -28,7 +28,7 @@ class HostEffects:
     hiccup_share: Share
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyEffects:
     """Floor, tyres and springs."""
@@ -42,7 +42,7 @@ class BodyEffects:
     pitch_noise_deg: NotNegative
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MountEffects:
     """The lidar's true mounting against the one in the robot's TOML."""
@@ -52,7 +52,7 @@ class MountEffects:
     tilt_deg: NotNegative
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockEffects:
     """The clocks of board and lidar against the host's."""
@@ -61,7 +61,7 @@ class ClockEffects:
     lidar_drift: Share
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LidarEffects:
     """What all lidar models have in common: surfaces, edges, the robot's own parts, transport."""
@@ -74,7 +74,7 @@ class LidarEffects:
     self_return_share: Share
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HouseEffects:
     """What makes some of the random houses harder than others."""
@@ -83,7 +83,7 @@ class HouseEffects:
     dark_legs_share: Share
 
 
-@with_config(_STRICT)
+@with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preset:
     """The strength of every disturbance. The TOML file gives the meaning and the source of each value."""
@@ -96,6 +96,7 @@ class Preset:
     house: HouseEffects
 
 
+@cache
 def load_preset(name: str) -> Preset:
     """Read the preset `nominal` or `hard`.
 

@@ -2,10 +2,8 @@
 
 import math
 
-import numpy as np
-
 from thumper.common.geometry import FloatArray, Pose2
-from thumper_hil.world.sills import AXLE_M
+from thumper_hil.world.sills import AXLE_M, axles_m
 
 
 def climb_rad(pose: Pose2, ramps_m: FloatArray) -> float:
@@ -14,10 +12,8 @@ def climb_rad(pose: Pose2, ramps_m: FloatArray) -> float:
     `ramps_m`, shape (n, 6), has rows x, y, length, width, yaw [deg], rise. A ramp rises along its length, and
     the floor at its upper end is level: while one axle is on it, the robot has a part of its slope.
     """
-    if not ramps_m.size:
-        return 0.0
-    axles_m = pose.apply(np.array([[-AXLE_M, 0.0], [AXLE_M, 0.0]]))
-    return math.atan2(sum(_rise_m(axles_m, ramp) for ramp in ramps_m), 2.0 * AXLE_M)
+    line_m = axles_m(pose)
+    return math.atan2(sum(_rise_m(line_m, ramp) for ramp in ramps_m), 2.0 * AXLE_M)
 
 
 def _rise_m(line_m: FloatArray, ramp: FloatArray) -> float:

@@ -16,8 +16,13 @@ def pitch_over_sills_rad(pose: Pose2, sills_m: FloatArray) -> float:
     """Return the pitch of a robot whose axles stand on sills, shape (n, 5); positive with the front down."""
     if not sills_m.size:
         return 0.0
-    rear, front = pose.apply(np.array([[-AXLE_M, 0.0], [AXLE_M, 0.0]]))
+    rear, front = axles_m(pose)
     return math.atan2(_height_m(rear, sills_m) - _height_m(front, sills_m), 2.0 * AXLE_M)
+
+
+def axles_m(pose: Pose2) -> FloatArray:
+    """Return the middle of the rear and of the front axle, shape (2, 2)."""
+    return pose.apply(np.array([[-AXLE_M, 0.0], [AXLE_M, 0.0]]))
 
 
 def _height_m(point_m: FloatArray, sills_m: FloatArray) -> float:

@@ -9,13 +9,15 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar, cast, get_type_hints
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.texts import choice_hint, close_names
 from thumper.common.toml_file import load_toml
 
 T = TypeVar("T")
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+"""Of a dataclass whose tables have no other keys, and whose numbers are finite."""
 STATED = "stated"
 """Field of an options class for the keys that the file sets; no key itself."""
 
