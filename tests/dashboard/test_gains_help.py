@@ -81,3 +81,19 @@ def test_a_slider_changes_drawing_and_text(page: Page, robot: FakeRobot) -> None
     expect(text).not_to_have_text(before)
     page.wait_for_function(f"{curve} !== {points!r}")
     assert page.evaluate(curve.replace("edited", "used")) == points  # what the board uses
+
+
+def test_a_value_out_of_range_is_neither_judged_nor_applied(page: Page, robot: FakeRobot) -> None:
+    page.click(".tp-tab-gains")
+    apply = page.locator(".q-tab-panel button", has_text="Apply")
+    undo = page.locator(".q-tab-panel button", has_text="Undo")
+    text = page.locator(".tp-gainshelp p")
+    expect(text).to_contain_text("Phase margin")
+    page.locator("[data-gain=kp]").fill("99999")
+    expect(text).to_contain_text("kp must be 0 …")
+    expect(page.locator(".tp-loop svg")).to_have_count(0)
+    expect(apply).to_be_disabled()
+    expect(undo).to_be_enabled()
+    page.locator("[data-gain=kp]").fill("7")
+    expect(text).to_contain_text("Phase margin")
+    expect(apply).to_be_enabled()

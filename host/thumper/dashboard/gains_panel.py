@@ -120,14 +120,16 @@ class GainsPanel:
 
     def _show_changes(self) -> None:
         changes = self._changes()
+        errors = {name: self._schema[name].range_error(value) for name, value in changes.items()}
+        mistakes = [f"{name} {error}." for name, error in errors.items() if error]
         if self._drawing is not None and self._explanation is not None:
-            drawing, text = gains_help(self._edited, self._on_board)
+            drawing, text = ("", " ".join(mistakes)) if mistakes else gains_help(self._edited, self._on_board)
             self._drawing.set_content(drawing)
             self._explanation.set_content(escape(text))
         for name, number in self._numbers.items():
             number.classes(add="tp-changed") if name in changes else number.classes(remove="tp-changed")
-        for element in (self._apply, self._undo):
-            element.props(remove="disabled") if changes else element.props("disabled")
+        for element, is_usable in ((self._apply, changes and not mistakes), (self._undo, changes)):
+            element.props(remove="disabled") if is_usable else element.props("disabled")
 
     async def _on_apply(self) -> None:
         async def change() -> str:
