@@ -218,7 +218,8 @@ class FakeRobot:
                 pass
             case "command":
                 self._run_command(content["command"])
-                answer = {"text": f"done: {content['command']}"}
+                does = "exploring" if content["command"] == "explore" else "done"
+                answer = {"text": f"{does}: {content['command']}"}
             case "simulator/world":
                 kinds = {"lidar": {"choices": ["ok", "unplugged"]}, "slip.left": {"most": 1.0, "unit": ""}}
                 answer = {"faults": kinds, "on": self.simulated_faults, "pillars": 0}

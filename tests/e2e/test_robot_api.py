@@ -123,7 +123,9 @@ def test_explore_maps_what_was_hidden_and_comes_back(capsys: pytest.CaptureFixtu
         assert result.reached, result.reason
         assert math.hypot(robot.pose.x_m, robot.pose.y_m) < 0.2
         assert (robot.map.cells >= 0).sum() > 1.1 * before
-    assert "explored after" in capsys.readouterr().out
+    assert result.reason.startswith("explored after")
+    assert result.reason.endswith("; back at the start")
+    assert capsys.readouterr().out == ""  # like `goto`
 
 
 def test_a_saved_map_stays_as_it_is(tmp_path: Path, lab: Robot) -> None:

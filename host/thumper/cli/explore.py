@@ -58,6 +58,7 @@ def explore(
     from thumper.cli.robot_run import RunOptions, opened_robot, run_and_report
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer
+    from thumper.runtime.drive.exploration import BACK
     from thumper.runtime.drive.exploration import explore as explore_task
 
     if start is not None and (session is None or not all(map(math.isfinite, start))):
@@ -89,7 +90,7 @@ def explore(
         )
         run = run_and_report(robot, task, out, console)
     result = run.result
-    console.print(result.reason if result.reached else f"not back at the start: {result.reason}")
+    console.print(BACK if result.reached else f"not back at the start: {result.reason}")
     console.print(f"{', '.join(run.files)} are in {out}/", soft_wrap=True)
     raise_if_interrupted(result)
     if not result.reached:

@@ -284,7 +284,7 @@ class Robot:
     def explore(self, *, minutes: float = 15.0) -> DriveResult:
         """Drive from frontier to frontier until the place is mapped, or for `minutes`, then come back.
 
-        Prints a line for each frontier that it gives up, and one at the end.
+        The result's `reason` says how many frontiers it reached.
 
         Raises
         ------
@@ -299,7 +299,7 @@ class Robot:
             raise ThumperError("explore: choose more than 0 minutes", exit_code=EXIT_USAGE)
         home = home_at(self.pose)
         explorer = Explorer(ExplorationOptions(), self._config.footprint)
-        task = explore(explorer, self._loop.map_and_pose, home, limit_s=limit_s, report=print)
+        task = explore(explorer, self._loop.map_and_pose, home, limit_s=limit_s)
         return self._carry_out(task)
 
     def dock(self) -> DriveResult:

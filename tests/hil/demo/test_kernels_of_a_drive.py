@@ -28,7 +28,7 @@ def kernels_loaded_late() -> list[str]:
 
 def use(robot: RobotLoop) -> None:
     explorer = Explorer(ExplorationOptions(), RobotConfig().footprint)
-    robot.run(explore(explorer, robot.map_and_pose, HOME, limit_s=20.0, report=lambda _line: None))
+    robot.run(explore(explorer, robot.map_and_pose, HOME, limit_s=20.0))
     mapper = robot.mapper
     assert isinstance(mapper, SlamModeSwitch)
     mapper.localize()

@@ -5,6 +5,7 @@ import { on, send, state } from "./stream.js";
 
 const NOTICE_MS = 6000;
 const MAX_NOTICES = 3;
+const EXPLORATION_ENDS = /^not back: |^nothing is left to explore|; back at the start$/;
 const OPEN_SELECT = ".q-menu, .q-dialog"; // Quasar closes these on Esc by itself
 
 const WAITING_STOP = "tp-waiting-stop";
@@ -90,6 +91,11 @@ export function startCommands() {
   on("events", (events) => {
     for (const { text } of isSnapshot ? [] : events) {
       if (/^map saved: |^the map was not saved: /.test(text)) notify(text, text.startsWith("map") ? "good" : "bad");
+      if (EXPLORATION_ENDS.test(text)) {
+        const outdated = document.querySelectorAll(".tp-notice");
+        for (const notice of outdated) if (notice.textContent.startsWith("exploring")) notice.remove();
+        notify(text, text.startsWith("not back") ? "bad" : "good");
+      }
     }
   });
   on("server:refused", ({ text }) => notify(text, "bad"));

@@ -84,14 +84,14 @@ def explore(
     home: Goal,
     *,
     limit_s: float,
-    report: Callable[[str], None],
+    report: Callable[[str], None] = lambda _: None,
 ) -> Task:
     """Drive from frontier to frontier until none is left or `limit_s` is over, then home.
 
     The robot tries the frontiers that it gave up a second time when no others are left. If there is no room
     at home any more, it drives near it. `now` returns the map and the robot's pose in it. `report` receives
-    a line for each frontier that is given up, and one at the end. The result's time and path length are
-    those of all drives.
+    a line for each frontier that is given up, and one before the way home. The result's time and path length
+    are those of all drives.
     """
     result, ending = yield from _drive_to_frontiers(explorer, now, home, limit_s, report)
     report(ending)
@@ -104,7 +104,9 @@ def explore(
             result = (yield Leg(goal=near, name="near home")).after(result)
     except ThumperError as refusal:  # keep the map that there is
         return replace(result, reached=False, reason=str(refusal))
-    return replace(result, reason=BACK) if result.reached else result
+    if not result.reached:
+        return result
+    return replace(result, reason=ending if ending == NOTHING_LEFT else f"{ending}; {BACK}")
 
 
 def _drive_to_frontiers(

@@ -1,13 +1,11 @@
 """Starts the exploration that a client requests."""
 
-from dataclasses import replace
-
 from thumper.common.errors import ThumperError
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer
 from thumper.runtime.drive.drive_manager import DriveManager
-from thumper.runtime.drive.exploration import BACK, NOTHING_LEFT, MapAndPose, explore, home_at
+from thumper.runtime.drive.exploration import NOTHING_LEFT, MapAndPose, explore, home_at
 from thumper.runtime.drive.task_driver import TaskDriver
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.publisher import Publisher
@@ -56,19 +54,12 @@ class ExplorationStarter:
 
     def _explore(self, home: Goal) -> Task:
         explorer = Explorer(ExplorationOptions(), self._footprint)
-        ending = ""
-
-        def report(text: str) -> None:
-            nonlocal ending
-            ending = text
-            self._publisher.publish_event(text)
-
+        report = self._publisher.publish_event
         result = yield from explore(explorer, self._now, home, limit_s=LIMIT_S, report=report)
         if not result.reached:
             self._publisher.publish_event(f"not back: {result.reason}")
             return result
-        text = ending if ending == NOTHING_LEFT else f"{ending}; {BACK}"
-        self._drive_manager.reason = text  # instead of the home goal, which no user has set
-        if ending != NOTHING_LEFT:
-            self._publisher.publish_event(text)
-        return replace(result, reason=text)
+        self._drive_manager.reason = result.reason  # instead of the home goal, which no user has set
+        if result.reason != NOTHING_LEFT:
+            self._publisher.publish_event(result.reason)
+        return result

@@ -118,7 +118,7 @@ def test_exploration_scans_visits_all_frontiers_and_returns() -> None:
     total, reports, _ = exploration(drives, A, B)
     assert drives.names == ["initial scan", "frontier 1", "frontier 2", "home"]
     assert (total.reached, total.time_s, total.path_length_m) == (True, 40.0, 4.0)
-    assert total.reason == "back at the start"
+    assert total.reason == "explored after 30 s: reached 2 of 2 frontiers; back at the start"
     assert reports == ["explored after 30 s: reached 2 of 2 frontiers"]
 
 
@@ -189,8 +189,8 @@ def test_when_time_is_up_the_robot_returns() -> None:
 
 
 def test_nothing_to_explore() -> None:
-    _, reports, _ = exploration(Drives())
-    assert reports == ["nothing is left to explore: no frontier is reachable"]
+    total, reports, _ = exploration(Drives())
+    assert reports == ["nothing is left to explore: no frontier is reachable"] == [total.reason]
 
 
 def test_the_robot_drives_on_once_a_frontier_has_been_seen() -> None:
