@@ -27,6 +27,21 @@ def test_after_the_last_waypoint_the_motors_are_off(service: Service) -> None:
     assert service.ask("mission/state", {"mission": 1})["leg"] == 1
 
 
+def test_the_end_of_a_goal_is_logged_once(service: Service) -> None:
+    service.put(GoTo(goals=(NEAR,)))
+    service.until(lambda: service.mode == "idle")
+    service.run_cycles(2)
+    assert [event for event in service.events if "at the goal" in event] == [
+        f"mission 1 reached: {service.ask('mission/state')['reason']}"
+    ]
+
+
+def test_an_injected_fault_is_logged(service: Service) -> None:
+    answer = service.ask("simulator/command", {"fault": "slip.left", "value": 0.5})
+    service.run_cycles(2)
+    assert answer["text"] in service.events
+
+
 def test_a_new_goal_replaces_the_old_one_without_a_stop(service: Service) -> None:
     first = service.ask("mission/send", {"x_m": FAR.x_m, "y_m": FAR.y_m})["mission"]
     service.run_cycles(15)

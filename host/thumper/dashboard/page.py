@@ -133,6 +133,7 @@ def _faultbox() -> None:
         with box(""):
             _field("fault_words").classes("tp-fault-words")
             _field("fault_cure").classes("tp-fault-cure")
+            inline("<p>Clear the fault when it is safe. Then arm the robot, or set a goal.</p>")
             _command_button("Clear fault", {"kind": "command", "name": "clear_fault"}, "tp-plain")
 
 

@@ -18,7 +18,7 @@ from thumper.maps.annotations import Annotations
 from thumper.maps.cell_changes import RenderHistory
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.navigator import NavigationOutput
-from thumper.navigation.state import Transition
+from thumper.navigation.state import NavigationState, Transition
 from thumper.ros.codec import Message
 from thumper.ros.markers import markers, object_markers
 from thumper.ros.status import Status
@@ -37,6 +37,7 @@ Sink = Callable[[str, float, Message], None]
 MAP_PERIOD_S = 1.0
 COSTMAP_PERIOD_S = 0.5
 COSTMAP_RADIUS_M = 2.5
+FINAL = (NavigationState.REACHED.value, NavigationState.FAILED.value)
 PARTICLES_PERIOD_S, MAX_PARTICLES = 0.5, 200
 
 
@@ -77,6 +78,7 @@ class Publisher:
         """
         self.messages = messages
         self.recorder: RunningRecorder | None = None
+        self.mission_reports_end = False  # the navigator's line would repeat it
         self.experiment = ""  # what drives the board past the drive manager
         self.objects = ""  # what a detector has seen, in one line; empty without one
         self._robot = robot
@@ -219,7 +221,8 @@ class Publisher:
         if transitions and transitions[-1] is not self._transition:
             self._transition = newest = transitions[-1]
             reason = f": {newest.reason}" if newest.reason else ""
-            self.publish_event(f"{newest.after}{reason}", name="navigation")
+            if not (self.mission_reports_end and newest.after in FINAL):
+                self.publish_event(f"{newest.after}{reason}", name="navigation")
         for kind, line in inputs.estimator.warnings().items():
             if kind not in self._warned:  # the first of its kind; the command prints the counts at the end
                 self._warned.add(kind)

@@ -224,9 +224,10 @@ class DriveManager:
     def _arm(self, telemetry: Telemetry | None, *, clear_fault: bool = False) -> None:
         if telemetry is not None and telemetry.state is State.FAULT:
             if telemetry.fault is not Fault.LINK_LOST and not clear_fault:
+                hint = FAULT_HINTS[telemetry.fault]
+                separator = " Clear" if hint.endswith("?") else "; clear"
                 raise ThumperError(
-                    f"the board has latched a fault: {FAULT_HINTS[telemetry.fault]}; "
-                    "clear the fault when it is safe",
+                    f"the board has latched a fault: {hint}{separator} the fault when it is safe",
                     option="--clear-fault",
                 )
             self.board.command(Command.CLEAR_FAULT)

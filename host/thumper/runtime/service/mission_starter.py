@@ -58,6 +58,7 @@ class MissionStarter:
         )
 
     def _follow(self, waypoints: Waypoints, number: int) -> Task:
+        self._publisher.mission_reports_end = len(waypoints.goals) * waypoints.rounds == 1
         try:
             result = yield from follow_waypoints(
                 waypoints, on_leg=lambda leg: self.missions.set_leg(number, leg)
@@ -65,6 +66,8 @@ class MissionStarter:
         except GeneratorExit:  # replaced by a task that is no mission, such as docking
             self.missions.end("replaced by another goal")
             raise
+        finally:
+            self._publisher.mission_reports_end = False
         mission = self.missions.end(result.reason, reached=result.reached)
         if mission is not None:
             state = "ended" if result.interrupted else mission.state.value  # a user's stop is no failure

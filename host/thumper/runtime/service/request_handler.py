@@ -308,7 +308,9 @@ class RequestHandler:
         return Text(text=self._commands.run(request.command))
 
     def _change_simulation(self, content: Mapping[str, Any], _source: str) -> Text:
-        return Text(text=self.simulation.apply(content))
+        text = self.simulation.apply(content)
+        self._publisher.publish_event(text)
+        return Text(text=text)
 
     def _start_experiment(self, request: StartExperiment, source: str) -> Text:
         self._preconditions.require_serving("experiments")
