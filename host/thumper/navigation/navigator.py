@@ -54,6 +54,7 @@ class Navigator:
         on_transition: Callable[[Transition], None] | None = None,
     ) -> None:
         self._parts = NavigatorParts.build(options, footprint, drive, view or FieldOfView())
+        self._parts.model.are_walking = self._parts.command_filter.are_walking
         self._footprint, self._costmap_options = footprint, options.costmap
         self._configured_filters = load_masks(options.masks)
         self._active: ActiveGoal | None = None
@@ -227,7 +228,6 @@ class Navigator:
         if stop := self._check_inputs(cycle):
             return self._fail(stop.reason) if stop.final else self._pause(active, stop.reason)
 
-        self._parts.model.walking = self._parts.command_filter.walking_discs()
         costmap = self._parts.model.update(cycle)
         if costmap is None:
             return self._pause(active, "computing the costs of the whole map")

@@ -1,10 +1,12 @@
 """The obstacles round the robot, from map, scan and memory: as costmaps and as points."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
@@ -48,9 +50,12 @@ class ObstaclePoints(NamedTuple):
         return self._replace(points_m=map_from_base.inverse().apply(self.points_m))
 
 
-DISC_MARGIN_M = 0.15  # round the disc of who walks: it has gone on since the last cycle
 NOTHING: FloatArray = np.empty((0, 2))
 NO_OBSTACLES = ObstaclePoints(NOTHING, np.empty(0), 0)
+
+
+def _none(points_m: FloatArray) -> NDArray[np.bool_]:
+    return np.zeros(len(points_m), np.bool_)
 
 
 class LocalModel:
@@ -85,8 +90,8 @@ class LocalModel:
         self._fine: Costmap | None = None
         self.hits_m: FloatArray = np.empty((0, 2))  # the newest scan's hits in map, averaged by surface
         self.obstacles = NO_OBSTACLES  # in map, near the robot; also up to date after `observe`
-        # Discs (x, y, radius) of who walks, shape (n, 3): not in the costmaps, as they will have gone.
-        self.walking: FloatArray = np.empty((0, 3))
+        # Which points, shape (n, 2), are on somebody who walks: not in the costmaps, as they will have gone.
+        self.are_walking: Callable[[FloatArray], NDArray[np.bool_]] = _none
 
     def set_keepout(self, keepout: Masks) -> None:
         """Replace the keep-out masks; they act from the next cycle on."""
@@ -123,7 +128,7 @@ class LocalModel:
         window, unseen_m = self.observe(cycle)
         self.jumped, self._jumped_meanwhile = self._jumped_meanwhile, False
         base, seen_m = cycle.map_from_base, self.obstacles.points_m[: self.obstacles.seen]
-        still_m = without_discs(seen_m, self.walking)
+        still_m = seen_m[~self.are_walking(seen_m)]
         confirmed_m = self.hits_m[confirmed_hits(self.hits_m)]
         far_m = self._planning_memory.update(
             cycle.time_s, base, self.hits_m, cycle.scan_pose, new_m=confirmed_m
@@ -133,9 +138,8 @@ class LocalModel:
         self.local_costmap = self._window_costs(window, still_m, closed_m)
         self.pose_costmap = self._window_costs(window, still_m, NOTHING) if len(unseen_m) else None
         self._window, self._fine = (window, still_m), None
-        self.costmap = self._layers.update(
-            cycle.grid, without_discs(np.vstack((self.hits_m, far_m)), self.walking)
-        )
+        far_m = np.vstack((self.hits_m, far_m))
+        self.costmap = self._layers.update(cycle.grid, far_m[~self.are_walking(far_m)])
         return self.costmap
 
     def fine_costmap(self) -> Costmap:
@@ -180,11 +184,3 @@ class LocalModel:
                 remembered.move(new_from_old)
         if jumped or moved_m > REFERENCE_M or moved_rad > REFERENCE_RAD:
             self._reference = cycle
-
-
-def without_discs(points_m: FloatArray, discs: FloatArray) -> FloatArray:
-    """Return the points, shape (n, 2), outside discs (x, y, radius), shape (m, 3)."""
-    kept = np.ones(len(points_m), np.bool_)
-    for x_m, y_m, radius_m in discs:
-        kept &= np.hypot(points_m[:, 0] - x_m, points_m[:, 1] - y_m) > radius_m + DISC_MARGIN_M
-    return points_m[kept]

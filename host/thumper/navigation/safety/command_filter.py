@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Twist2
 from thumper.common.kinematics import DriveGeometry
@@ -12,7 +13,11 @@ from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.local_model import NO_OBSTACLES, LocalModel
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.safety.collision_monitor import CollisionMonitor, CollisionMonitorOptions
-from thumper.navigation.safety.dynamic_obstacles import DynamicObstacleOptions, DynamicObstacles
+from thumper.navigation.safety.dynamic_obstacles import (
+    DynamicObstacleOptions,
+    DynamicObstacles,
+    MovingObject,
+)
 from thumper.navigation.safety.escape import Escape
 from thumper.navigation.safety.give_way import GiveWay
 from thumper.navigation.safety.tracks import STEPS, Tracks
@@ -75,9 +80,16 @@ class CommandFilter:
         self._costmap = model.costmap
         self._obstacles = model.obstacles.in_base(cycle.map_from_base)
 
-    def walking_discs(self) -> FloatArray:
-        """Return discs (x, y, radius) where somebody walks, shape (n, 3); none if the robot gives no way."""
-        return self._tracks.walking_discs() if self._gives_way and not self._has_priority else NOBODY[0]
+    def are_walking(self, points_m: FloatArray) -> NDArray[np.bool_]:
+        """Return which points, shape (n, 2) in map, are on people who walk; none if the robot gives no way.
+
+        What rests near who walks is an obstacle like any other.
+        """
+        if not self._gives_way or self._has_priority:
+            return np.zeros(len(points_m), np.bool_)
+        walk = self._tracks.are_near(points_m)
+        walk[walk] = ~self._dynamic_obstacles.rested(points_m[walk])
+        return walk
 
     def sees_motion(self, time_s: float) -> bool:
         """Return whether there are dynamic obstacles, or were a moment ago."""
@@ -95,7 +107,7 @@ class CommandFilter:
         With `allow_escape` another motion may replace a rejected one.
         """
         command, reason = wanted.command, wanted.reason
-        points_m, error_m, seen = self._obstacles
+        points_m = self._obstacles.points_m
         gives_way = allow_escape and self._gives_way and not self._has_priority
         discs = self._predicted() if gives_way else NOBODY
         is_conflict = gives_way and self._give_way.is_in_conflict(command or Twist2(), request, discs)
@@ -103,15 +115,10 @@ class CommandFilter:
         if is_conflict:
             return self._give_way_command(request, discs)
         if command is not None:
-            if not gives_way and (
-                stop := self._dynamic_obstacles.stop_reason(command, request.twist, request.map_from_base)
-            ):
+            moving = self._tracks.untracked if gives_way else self._dynamic_obstacles.moving
+            if stop := self._waiting_reason(command, request, moving):
                 return FilteredCommand(command=Twist2(), reason=stop, yielding=True)
-            command = smooth_velocity(command, request.last_command, self._limits, request.period_s)
-            command = self._monitor.slow_down(command, points_m)
-            stop = self._monitor.stop_reason(
-                command, request.twist, points_m, error_m, request.period_s, seen=seen
-            )
+            command, stop = self._monitored(command, request, points_m)
             if stop is None:
                 return FilteredCommand(command=command)
             reason = stop
@@ -119,6 +126,23 @@ class CommandFilter:
         if escape is not None:
             return FilteredCommand(command=escape, reason=f"escaping: {reason}", escaping=True)
         return FilteredCommand(command=None, reason=reason)
+
+    def _waiting_reason(
+        self, command: Twist2, request: ControlRequest, moving: list[MovingObject]
+    ) -> str | None:
+        """Return why the robot must wait for one of these objects, or None."""
+        return self._dynamic_obstacles.stop_reason(command, request.twist, request.map_from_base, moving)
+
+    def _monitored(
+        self, wanted: Twist2, request: ControlRequest, slowing_m: FloatArray
+    ) -> tuple[Twist2, str | None]:
+        """Return the command, smoothed, and slowed before these points, and why it must not be driven."""
+        command = smooth_velocity(wanted, request.last_command, self._limits, request.period_s)
+        command = self._monitor.slow_down(command, slowing_m)
+        points_m, error_m, seen = self._obstacles
+        return command, self._monitor.stop_reason(
+            command, request.twist, points_m, error_m, request.period_s, seen=seen
+        )
 
     def _count_giving_way(self, period_s: float, *, gave_way: bool) -> None:
         """Give the robot priority after it gave way for long, and end that later."""
@@ -133,14 +157,17 @@ class CommandFilter:
         return self._tracks.predicted(self._costmap)
 
     def _give_way_command(self, request: ControlRequest, discs: FloatArray) -> FilteredCommand:
-        """Return the motion that lets somebody pass, as far as the monitor allows it."""
-        points_m, error_m, seen = self._obstacles
+        """Return the motion that lets somebody pass, as far as the monitor allows it.
+
+        Only what does not walk slows it down: the plans know where people will be.
+        """
+        points_m = self._obstacles.points_m
+        still_m = points_m[~self.are_walking(request.map_from_base.apply(points_m))]
 
         def allowed(wanted: Twist2) -> Twist2 | None:
-            command = smooth_velocity(wanted, request.last_command, self._limits, request.period_s)
-            stop = self._monitor.stop_reason(
-                command, request.twist, points_m, error_m, request.period_s, seen=seen
-            )
+            if self._waiting_reason(wanted, request, self._tracks.untracked):
+                return None
+            command, stop = self._monitored(wanted, request, still_m)
             return command if stop is None else None
 
         command = self._give_way.best_command(request, discs, allowed)
@@ -156,5 +183,5 @@ class CommandFilter:
         )
         if command is None:
             return None
-        stop = self._dynamic_obstacles.stop_reason(command, request.twist, request.map_from_base)
+        stop = self._waiting_reason(command, request, self._dynamic_obstacles.moving)
         return command if stop is None else None

@@ -109,9 +109,20 @@ class DynamicObstacles:
         """Return whether something has moved a moment ago."""
         return time_s - self._moved_s < LATELY_S
 
-    def stop_reason(self, command: Twist2, twist: Twist2, map_from_base: Pose2) -> str | None:
-        """Return why the robot must wait instead of this command, or None."""
-        if self._options.ahead_s == 0.0 or not self.moving:
+    def rested(self, points_m: FloatArray) -> NDArray[np.bool_]:
+        """Return at which places, shape (n, 2) in map, the oldest scan saw something, or had no view of."""
+        if not self._scans:
+            return np.ones(len(points_m), np.bool_)
+        oldest = self._scans[0]
+        evidence = ray_evidence(self._view, oldest.map_from_base, oldest.hits_m, points_m, PASSED_M)
+        seen: NDArray[np.bool_] = (evidence == Evidence.SEEN) | (evidence == Evidence.OUT_OF_VIEW)
+        return seen
+
+    def stop_reason(
+        self, command: Twist2, twist: Twist2, map_from_base: Pose2, moving: list[MovingObject]
+    ) -> str | None:
+        """Return why the robot must wait for these objects instead of this command, or None."""
+        if self._options.ahead_s == 0.0 or not moving:
             return None
         if command == Twist2() or command.v_m_s < 0.0:
             return None
@@ -121,7 +132,7 @@ class DynamicObstacles:
         theta = map_from_base.theta_rad + np.cumsum(w) * STEP_S
         x = map_from_base.x_m + np.cumsum(v * np.cos(theta)) * STEP_S
         y = map_from_base.y_m + np.cumsum(v * np.sin(theta)) * STEP_S
-        for points_m, velocity_m_s in self.moving:
+        for points_m, velocity_m_s in moving:
             for k, time_s in enumerate(times_s):
                 dx, dy = (points_m + velocity_m_s * time_s - (x[k], y[k])).T
                 cos, sin = math.cos(theta[k]), math.sin(theta[k])

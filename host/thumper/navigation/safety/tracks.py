@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.navigation.costmap.costmap import Costmap
@@ -21,6 +22,7 @@ MEAN_GAIN = 0.35
 GATE_M = 0.65  # an object further from the predicted place is not a part of this track
 REST_GATE_M = 0.3  # the same for an object that may be a part of a wall
 NEW_GATE_M = 0.8  # a foot that moves is part of a track that is nearer than this
+PART_M = 0.5  # a foot that moves is a part of a moving track that is nearer than this
 MOST_ERROR_M = 0.35  # of it counts
 FOOT_FRACTION = 0.6  # a foot swings at about twice the speed of who walks
 RADIUS_DECAY = 0.9  # per scan: a part of somebody may be hidden
@@ -30,6 +32,7 @@ STANDING_S = 1.5  # somebody who stands for less may turn round
 TURNING_FRACTION = 0.7  # slower than this part of the speed that it had: it may turn round
 MERGE_M = 0.4  # two tracks this near are one
 LEAST_RADIUS_M, MOST_RADIUS_M = 0.12, 0.40
+WALKING_M = 0.55  # round the middle of who walks: points here are on them, unless they rest
 STRIDE_M = 0.15  # two discs, one ahead of the other, cover both legs
 AGE_S = 0.1  # of the scan when the command reaches the wheels
 BEHIND_FRACTION = 0.6  # the lidar sees the near side: the middle is further off by this part of the radius
@@ -61,7 +64,7 @@ class Track:
     @property
     def stride_m(self) -> FloatArray:
         """Return the vector from the middle to the disc of the foremost leg, shape (2,)."""
-        return STRIDE_M * self.walk_m_s / max(1e-9, math.hypot(*self.walk_m_s))
+        return STRIDE_M * _unit(self.walk_m_s)
 
 
 class Tracks:
@@ -72,10 +75,11 @@ class Tracks:
         self._least_m_s = least_m_s
         self._time_s: float | None = None
         self.tracks: list[Track] = []
+        self.untracked: list[MovingObject] = []  # those of the newest scan that are a part of no moving track
 
     def forget(self) -> None:
         """Forget all: the map has moved."""
-        self.tracks, self._time_s = [], None
+        self.tracks, self.untracked, self._time_s = [], [], None
 
     def update(
         self, time_s: float, lidar: Pose2, objects: list[SmallObject], moving: list[MovingObject]
@@ -101,8 +105,8 @@ class Tracks:
                 self._follow(track, discs[mine], time_s, elapsed_s)
         self.tracks = [track for track in self.tracks if self._is_kept(track, time_s)]
         self._merge()
-        for moved in moving:
-            x_m, y_m, radius_m = _disc(moved.points_m, lidar)
+        found = [(moved, _disc(moved.points_m, lidar)) for moved in moving]
+        for moved, (x_m, y_m, radius_m) in found:
             if all(math.dist((x_m, y_m), track.centre_m) > NEW_GATE_M for track in self.tracks):
                 velocity_m_s = _limited(FOOT_FRACTION * moved.velocity_m_s)
                 self.tracks.append(
@@ -115,6 +119,12 @@ class Tracks:
                         walk_m_s=velocity_m_s,
                     )
                 )
+        walking = self.moving()
+        self.untracked = [
+            moved
+            for moved, (x_m, y_m, _) in found
+            if all(math.dist((x_m, y_m), track.centre_m) > PART_M for track in walking)
+        ]
 
     def _merge(self) -> None:
         """Keep the older of two tracks at one place."""
@@ -128,10 +138,13 @@ class Tracks:
         """Return the tracks that move, or stopped only a moment ago."""
         return [track for track in self.tracks if track.speed_m_s >= self._least_m_s or self._turns(track)]
 
-    def walking_discs(self) -> FloatArray:
-        """Return the discs (x, y, radius) of the tracks that move now, shape (n, 3)."""
-        walking = [track for track in self.tracks if track.speed_m_s >= self._least_m_s]
-        return np.array([(*track.centre_m, MOST_RADIUS_M) for track in walking]).reshape(-1, 3)
+    def are_near(self, points_m: FloatArray) -> NDArray[np.bool_]:
+        """Return which points, shape (n, 2) in map, are near the middle of a track that moves now."""
+        near = np.zeros(len(points_m), np.bool_)
+        for track in self.tracks:
+            if track.speed_m_s >= self._least_m_s:
+                near |= np.hypot(*(points_m - track.centre_m).T) <= WALKING_M
+        return near
 
     def predicted(self, costmap: Costmap) -> FloatArray:
         """Return the discs (x, y, radius) of all times and hypotheses, shape (STEPS, n, 3).
@@ -183,6 +196,11 @@ class Tracks:
         return time_s - track.seen_s <= HIDDEN_S and time_s - track.moved_s <= STANDS_S
 
 
+def _unit(vector: FloatArray) -> FloatArray:
+    """Return a vector of length 1 in the direction of another, shape (2,)."""
+    return vector / max(1e-9, math.hypot(*vector))
+
+
 def _limited(velocity_m_s: FloatArray) -> FloatArray:
     speed_m_s = math.hypot(*velocity_m_s)
     return velocity_m_s * min(1.0, FASTEST_M_S / max(speed_m_s, 1e-9))
@@ -191,8 +209,7 @@ def _limited(velocity_m_s: FloatArray) -> FloatArray:
 def _disc(points_m: FloatArray, lidar: Pose2) -> tuple[float, float, float]:
     """Return the disc (x, y, radius) of which the lidar sees the points, shape (n, 2)."""
     middle_m = points_m.mean(axis=0)
-    away = middle_m - (lidar.x_m, lidar.y_m)
-    away /= max(1e-9, math.hypot(*away))
+    away = _unit(middle_m - (lidar.x_m, lidar.y_m))
     across = points_m @ np.array((-away[1], away[0]))
     radius_m = max(LEAST_RADIUS_M, 0.5 * float(np.ptp(across)))
     x_m, y_m = middle_m + BEHIND_FRACTION * radius_m * away
@@ -201,7 +218,7 @@ def _disc(points_m: FloatArray, lidar: Pose2) -> tuple[float, float, float]:
 
 def _reach_across_m(discs: FloatArray, track: Track) -> float:
     """Return how far discs (x, y, radius), shape (n, 3), reach to a side of where somebody walks."""
-    along = track.walk_m_s / max(1e-9, math.hypot(*track.walk_m_s))
+    along = _unit(track.walk_m_s)
     offset_m = discs[:, :2] - track.centre_m
     return float((np.abs(offset_m @ (-along[1], along[0])) + discs[:, 2]).max())
 

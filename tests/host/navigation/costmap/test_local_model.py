@@ -10,6 +10,7 @@ from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.costmap import CostmapOptions
+from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.costmap.local_model import LocalModel
 from thumper.navigation.costmap.obstacle_memory import ObstacleMemoryOptions
 from thumper.navigation.footprint import Footprint
@@ -109,3 +110,15 @@ def test_a_lost_robot_has_seen_no_ground_by_its_map(lost: str) -> None:
     model = LocalModel(CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), FieldOfView())
     model.observe(replace(cycle(0.0, Pose2(), NO_HITS, Pose2()), lost=lost))
     assert (len(model.obstacles.points_m) > model.obstacles.seen) == bool(lost)
+
+
+def test_who_walks_is_in_no_costmap_but_an_obstacle() -> None:
+    model = LocalModel(CostmapOptions(), ObstacleMemoryOptions(), Footprint(), Footprint(), FieldOfView())
+    walker_m = np.array(((1.0, 0.5), (1.01, 0.5), (1.02, 0.5)))
+    for walks, answer in ((False, np.zeros), (True, np.ones)):
+        vars(model)["are_walking"] = lambda points_m, answer=answer: answer(len(points_m), np.bool_)
+        model.update(cycle(0.1 * walks, Pose2(), walker_m, Pose2()))
+        assert len(model.obstacles.points_m) >= 3
+        for costmap in (model.costmap, model.local_costmap):
+            assert costmap is not None
+            assert (costmap.costs[costmap.cells_of(walker_m)] == LETHAL).any() is not np.bool_(walks)

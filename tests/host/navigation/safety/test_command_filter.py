@@ -1,5 +1,6 @@
 """The order of the checks: dynamic obstacles first, then smoothing, slowing, the monitor, and the escape."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +16,7 @@ from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.safety.collision_monitor import CollisionMonitorOptions
 from thumper.navigation.safety.command_filter import GIVING_WAY_S, PRIORITY_S, CommandFilter, FilteredCommand
-from thumper.navigation.safety.dynamic_obstacles import DynamicObstacleOptions
+from thumper.navigation.safety.dynamic_obstacles import DynamicObstacleOptions, MovingObject
 from thumper.navigation.safety.tracks import STEPS
 from thumper.navigation.speed_limits import SpeedLimits
 
@@ -41,9 +42,22 @@ class Filter:
         self.yields_to: list[Twist2] = []
         vars(self.filter._dynamic_obstacles)["stop_reason"] = self._stop_reason
 
-    def _stop_reason(self, command: Twist2, _twist: Twist2, _pose: Pose2) -> str | None:
+    def _stop_reason(
+        self, command: Twist2, _twist: Twist2, _pose: Pose2, moving: list[MovingObject]
+    ) -> str | None:
         assert command is not None
-        return "a person" if command in self.yields_to else None
+        return "a person" if command in self.yields_to and moving else None
+
+    def sees_person(self, *, untracked: bool) -> None:
+        """Let a person move, who is or is not a part of a track."""
+        person = MovingObject(np.zeros((3, 2)), np.array((1.0, 0.0)))
+        self.filter._dynamic_obstacles.moving = [person]
+        self.filter._tracks.untracked = [person] * untracked
+
+    def gives_way(self) -> None:
+        """Let a person with a track stand in the robot's path."""
+        vars(self.filter._tracks)["moving"] = lambda: [SimpleNamespace(speed_m_s=1.0)]
+        vars(self.filter)["_predicted"] = lambda: np.full((STEPS, 1, 3), 0.3)
 
     def run(
         self,
@@ -74,18 +88,55 @@ def test_command_is_slowed_before_an_obstacle() -> None:
     assert 0.1 < slowed.v_m_s < 0.39
 
 
-def test_robot_yields_to_a_dynamic_obstacle() -> None:
+@pytest.mark.parametrize(
+    ("untracked", "allow_escape", "yields"), [(False, False, True), (True, True, True), (False, True, False)]
+)
+def test_robot_waits_for_a_dynamic_obstacle_that_it_gives_no_way(
+    untracked: bool, allow_escape: bool, yields: bool
+) -> None:
     checked = Filter()
     checked.yields_to = [SLOW]
-    assert checked.run(SLOW, allow_escape=False) == FilteredCommand(
-        command=Twist2(), reason="a person", yielding=True
+    checked.sees_person(untracked=untracked)
+    waits = FilteredCommand(command=Twist2(), reason="a person", yielding=True)
+    assert checked.run(SLOW, allow_escape=allow_escape) == (
+        waits if yields else FilteredCommand(command=SLOW)
     )
+
+
+def test_robot_gives_way_without_driving_toward_a_second_person() -> None:
+    def steps_aside(_request: object, _discs: object, allowed: Callable[[Twist2], Twist2 | None]) -> Twist2:
+        return allowed(SLOW) or Twist2()
+
+    checked = Filter()
+    checked.gives_way()
+    vars(checked.filter._give_way)["best_command"] = steps_aside
+    checked.yields_to = [SLOW]
+    assert checked.run(SLOW).command == SLOW
+    checked.sees_person(untracked=True)
+    waiting = checked.run(SLOW)
+    assert waiting.command == Twist2()
+    assert waiting.yielding
+
+
+@pytest.mark.parametrize("walks", [False, True])
+def test_robot_that_gives_way_is_slowed_before_what_does_not_walk(walks: bool) -> None:
+    fast = Twist2(v_m_s=0.4)
+
+    def straight_on(_request: object, _discs: object, allowed: Callable[[Twist2], Twist2 | None]) -> Twist2:
+        return allowed(fast) or Twist2()
+
+    checked = Filter()
+    checked.gives_way()
+    vars(checked.filter._give_way)["best_command"] = straight_on
+    vars(checked.filter)["are_walking"] = lambda points_m: np.full(len(points_m), walks)
+    command = checked.run(fast, np.array(((0.58, 0.0),)), last=fast).command
+    assert command is not None
+    assert (command.v_m_s < 0.39) is not walks
 
 
 def test_robot_has_priority_after_it_gave_way_for_long() -> None:
     checked = Filter()
-    vars(checked.filter._tracks)["moving"] = lambda: [SimpleNamespace(speed_m_s=1.0)]
-    vars(checked.filter)["_predicted"] = lambda: np.full((STEPS, 1, 3), 0.3)
+    checked.gives_way()
     waiting = 0
     while "giving way" in (reason := checked.run(SLOW).reason) or "waiting" in reason:
         waiting += 1
@@ -96,11 +147,16 @@ def test_robot_has_priority_after_it_gave_way_for_long() -> None:
     assert driving == pytest.approx(PRIORITY_S / PERIOD_S, abs=15)
 
 
-@pytest.mark.parametrize(("ahead_s", "count"), [(2.0, 1), (0.0, 0)])
-def test_people_stay_obstacles_for_a_robot_that_gives_no_way(ahead_s: float, count: int) -> None:
+@pytest.mark.parametrize(
+    ("ahead_s", "rests", "walks"), [(2.0, False, True), (2.0, True, False), (0.0, False, False)]
+)
+def test_who_walks_is_no_obstacle_for_a_robot_that_gives_way(
+    ahead_s: float, rests: bool, walks: bool
+) -> None:
     checked = Filter(ahead_s)
-    vars(checked.filter._tracks)["walking_discs"] = lambda: np.array(((1.0, 0.0, 0.4),))
-    assert len(checked.filter.walking_discs()) == count
+    vars(checked.filter._tracks)["are_near"] = lambda points_m: np.hypot(*points_m.T) < 1.0
+    vars(checked.filter._dynamic_obstacles)["rested"] = lambda points_m: np.full(len(points_m), rests)
+    assert checked.filter.are_walking(np.array(((0.5, 0.0), (1.5, 0.0)))).tolist() == [walks, False]
 
 
 def test_rejected_command_is_replaced_only_if_that_is_allowed() -> None:
@@ -134,6 +190,7 @@ def test_no_escape_toward_a_dynamic_obstacle() -> None:
     free = Filter().run(fast, ahead, last=Twist2())
     assert free.command is not None
     checked = Filter()
+    checked.sees_person(untracked=False)
     checked.yields_to = [free.command]
     assert checked.run(fast, ahead, last=Twist2()).command is None
 

@@ -79,7 +79,7 @@ def test_a_flickering_leg_beside_another_does_not_move() -> None:
         for cycle in range(200):
             legs = LEGS if rng.random() < flicker else LEGS[:1]
             found.update(0.1 * cycle, Pose2(), scan(hall(legs), rng))
-            assert found.stop_reason(FORWARD, FORWARD, Pose2()) is None, (flicker, cycle)
+            assert found.stop_reason(FORWARD, FORWARD, Pose2(), found.moving) is None, (flicker, cycle)
 
 
 def test_lost_echoes_are_no_movers() -> None:
@@ -101,3 +101,12 @@ def test_a_jump_of_the_map_is_no_motion() -> None:
     found.forget()
     found.update(1.0, Pose2(y_m=0.4), Pose2(y_m=0.4).apply(scan(hall(LEGS), rng)))
     assert not found.moving
+
+
+def test_what_the_oldest_scan_saw_rests_and_who_walks_does_not() -> None:
+    rng, found = np.random.default_rng(7), detector()
+    for cycle in range(10):
+        circles_m = np.array(((1.6, -0.8 + 0.1 * cycle, 0.06), (1.7, 0.5, 0.06)))
+        found.update(0.1 * cycle, Pose2(), scan(hall(circles_m), rng))
+    places_m = np.array(((1.55, 0.1), (1.65, 0.5), (-0.5, 0.0)))  # who walks, the post, behind the lidar
+    assert found.rested(places_m).tolist() == [False, True, True]

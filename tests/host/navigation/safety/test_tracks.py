@@ -72,7 +72,7 @@ def test_legs_that_turn_round_stay_one_track() -> None:
 def test_who_stands_is_no_longer_in_the_way_after_a_while() -> None:
     tracks = walked(UP + [0.5] * 10)
     assert len(tracks.moving()) == 1  # may turn round
-    assert not len(tracks.walking_discs())
+    assert not tracks.are_near(np.array(((2.0, 0.5),))).any()
     tracks = walked(UP + [0.5] * 30)
     assert not tracks.moving()
     assert not walked(UP + [0.5] * 70).tracks
@@ -104,6 +104,23 @@ def test_a_pause_ends_the_tracks_even_if_something_stands_where_they_would_be(
     there = SmallObject(disc_m(x_m, y_m), False)
     tracks.update(0.1 * (len(UP) - 1) + pause_s, LIDAR, [there], [])
     assert len(tracks.tracks) == count
+
+
+@pytest.mark.parametrize(
+    ("y_m", "count"), [(0.6, 0), (1.2, 1), (1.6, 0)], ids=["own leg", "beside it", "a track of its own"]
+)
+def test_somebody_beside_a_track_is_untracked(y_m: float, count: int) -> None:
+    tracks = walked(UP)
+    beside = MovingObject(disc_m(2.0, y_m, 0.06), np.array((-1.0, 0.0)))
+    tracks.update(0.1 * len(UP), LIDAR, [SmallObject(disc_m(2.0, 0.6), False)], [beside])
+    assert len(tracks.untracked) == count
+
+
+def test_who_stood_and_starts_to_walk_is_untracked() -> None:
+    tracks = walked(UP + [0.5] * 30)
+    starts = MovingObject(disc_m(2.0, 0.5), np.array((-1.0, 0.0)))
+    tracks.update(0.1 * (len(UP) + 30), LIDAR, [SmallObject(disc_m(2.0, 0.5), True)], [starts])
+    assert len(tracks.tracks) == len(tracks.untracked) == 1
 
 
 def test_a_jump_of_the_map_ends_the_tracks() -> None:
