@@ -4,7 +4,8 @@ Run: python benchmarks/navigation_people.py [--presets nominal hard] [--scenes 2
 
 The people are two legs of 6 cm each. They cross the robot's path, pace across it, walk along it, or stand on
 it and leave. They never give way. The bench judges each touch: it is the robot's if the robot moves towards
-the leg and came nearer than the leg in the last 0.2 s; this ends the drive. Touches by people end nothing.
+the leg and came nearer than the leg in the last 0.2 s; this ends the drive. Touches by
+people end nothing.
 """
 
 import argparse
@@ -24,7 +25,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure
 
-HEADINGS = "preset | people | v max [m/s] | scenes | arrived | drove into a person | bumped | mean time [s]"
+HEADINGS = (
+    "preset | people | v max [m/s] | scenes | arrived | drove into a person "
+    "| a person walked into it | touches by people | mean time [s]"
+)
 
 
 def line(preset: str, kind: str, speed: float, runs: list[CourseRun]) -> str:
@@ -33,6 +37,7 @@ def line(preset: str, kind: str, speed: float, runs: list[CourseRun]) -> str:
     return (
         f"| {preset} | {kind} | {speed} | {len(runs)} | {len(arrived)} "
         f"| {sum(run.contacts > 0 for run in runs)} | {sum(run.bumps > 0 for run in runs)} "
+        f"| {sum(run.bumps for run in runs)} "
         f"| {np.mean(arrived) if arrived else np.nan:.1f} |"
     )
 
