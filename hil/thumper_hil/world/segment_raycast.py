@@ -163,13 +163,38 @@ def mark_touched(
     geometry: GridGeometry, segments_m: FloatArray, circles_m: FloatArray, touched: BoolArray
 ) -> None:
     """Set each cell of `touched`, shape (rows, columns), row 0 at `y_lo_m`, whose square contains a shape."""
+    for k in range(segments_m.shape[0]):
+        ax, ay, bx, by = segments_m[k]
+        box = (min(ax, bx), min(ay, by), max(ax, bx), max(ay, by))
+        _mark_in_box(geometry, box, segments_m[k : k + 1], circles_m[:0], touched)
+    for k in range(circles_m.shape[0]):
+        x, y, radius = circles_m[k]
+        box = (x - radius, y - radius, x + radius, y + radius)
+        _mark_in_box(geometry, box, segments_m[:0], circles_m[k : k + 1], touched)
+
+
+@kernel
+def _mark_in_box(
+    geometry: GridGeometry,
+    box_m: tuple[float, float, float, float],
+    segments_m: FloatArray,
+    circles_m: FloatArray,
+    touched: BoolArray,
+) -> None:
+    """Set the cells in and beside the box (lowest x, y, highest x, y) that contain a shape."""
     resolution_m, x_lo_m, y_lo_m = geometry
     # The margin assigns a wall on the line between two cells to both, whatever the rounding.
     half = 0.5 * resolution_m + 1e-9
+    first_row = max(math.floor((box_m[1] - y_lo_m) / resolution_m) - 1, 0)
+    last_row = min(math.floor((box_m[3] - y_lo_m) / resolution_m) + 1, touched.shape[0] - 1)
+    first_column = max(math.floor((box_m[0] - x_lo_m) / resolution_m) - 1, 0)
+    last_column = min(math.floor((box_m[2] - x_lo_m) / resolution_m) + 1, touched.shape[1] - 1)
     cell = np.empty((4, 2))
-    for row in range(touched.shape[0]):
+    for row in range(first_row, last_row + 1):
         y = y_lo_m + (row + 0.5) * resolution_m
-        for column in range(touched.shape[1]):
+        for column in range(first_column, last_column + 1):
+            if touched[row, column]:
+                continue
             x = x_lo_m + (column + 0.5) * resolution_m
             cell[0, 0], cell[1, 0], cell[2, 0], cell[3, 0] = x - half, x + half, x + half, x - half
             cell[0, 1], cell[1, 1], cell[2, 1], cell[3, 1] = y - half, y - half, y + half, y + half
