@@ -39,7 +39,7 @@ def warm_up(options: NavigationOptions | None = None, footprint: Footprint | Non
         navigator = Navigator(replace(options, tracker=tracker), footprint)
         for goal in (Goal(x_m=1.0, y_m=0.2), Goal(x_m=-1.0, y_m=0.0)):
             navigator.set_goal(goal)
-            for cycle in range(15):
+            for cycle in range(3):
                 navigator.update(0.1 * cycle, Pose2(), Twist2(), grid, hits)
 
 

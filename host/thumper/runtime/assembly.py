@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 from thumper.board.board import Board
@@ -129,11 +129,7 @@ def open_robot(
         )
         if known is not None and map_from_base is None and datum is not None:
             wait_for_fix(robot)
-        # A full garbage collection visits all modules and kernels: 0.1 s on a desktop, 0.4 s on a Raspberry
-        # Pi, and the board stops the motors after 0.3 s. Frozen objects are not visited again.
-        gc.unfreeze()  # the robots that were open before in this process
-        gc.collect()
-        gc.freeze()
+        gc.collect()  # the robots that were open before in this process
         try:
             yield robot
         except KeyboardInterrupt:
@@ -444,6 +440,19 @@ def _warm_up(
     mapping: MappingOptions, localization: AmclOptions, navigation: NavigationOptions, footprint: Footprint
 ) -> None:
     """Take only what decides which kernels are compiled: the ports differ from robot to robot."""
+    _freeze_modules()
     robot_mapper(RobotConfig(mapping=mapping, localization=localization), Pose2()).warm_up()
     MountCheck(Pose2()).warm_up()
     warm_up_navigation(navigation, footprint)
+    gc.collect()
+    gc.freeze()
+
+
+@cache
+def _freeze_modules() -> None:
+    """Let no garbage collection visit what is loaded now.
+
+    A full one visits all modules and kernels: 0.1 s on a desktop, 0.4 s on a Raspberry Pi, and the board
+    stops the motors after 0.3 s.
+    """
+    gc.freeze()

@@ -35,6 +35,7 @@ BACK_M_S = -0.2
 FIRST_V, FIRST_W = (-0.5, 0.0, 0.35, 0.7, 1.0), (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
 SECOND_V, SECOND_W = (-0.5, 0.0, 0.5, 1.0), (-0.8, -0.4, 0.0, 0.4, 0.8)
 LAST = ((0.0, math.nan), (1.0, math.nan), (1.0, 0.0), (0.5, 0.0))
+FRACTIONS = np.array(tuple(product(product(FIRST_V, FIRST_W), product(SECOND_V, SECOND_W), LAST)))
 KEEP_BONUS_M = 0.3  # for the plan that was chosen last
 WEIGHTS = GiveWayWeights(contact=18.0, near=0.5, static=5.0, heading=0.15, keep=KEEP_BONUS_M)
 TRIED = 1500  # of the plans, best first, have their first command checked
@@ -49,19 +50,9 @@ class GiveWay:
         self._footprint = footprint
         self._half_planes = footprint.half_planes()
         self._margin_m = margin_m
-        fractions = product(FIRST_V, FIRST_W, SECOND_V, SECOND_W, LAST)
-        w_max = limits.w_max_rad_s
         self._last: FloatArray | None = None
-        self._plans = np.array(
-            [
-                ((self._speed(a), b * w_max), (self._speed(c), d * w_max), (self._speed(e[0]), e[1]))
-                for a, b, c, d, e in fractions
-            ]
-        )
-
-    def _speed(self, fraction: float) -> float:
-        """Return a part of the highest speed; backward it is slow."""
-        return max(BACK_M_S, fraction * self._limits.v_max_m_s)
+        v_m_s = np.maximum(BACK_M_S, FRACTIONS[..., 0] * limits.v_max_m_s)  # backward it is slow
+        self._plans = np.stack((v_m_s, FRACTIONS[..., 1] * limits.w_max_rad_s), axis=-1)
 
     def is_in_conflict(self, command: Twist2, request: ControlRequest, discs: FloatArray) -> bool:
         """Return whether the command or the path soon comes too near to somebody.
