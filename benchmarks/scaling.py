@@ -64,7 +64,8 @@ class Robot:
         self._hit_grid = HitGrid.from_counts(HitCounts.from_grid(grid), CELL_M, 0.5, 0.3)
         self._layers = CostmapLayers(Footprint(), CostmapOptions())
         self._grid = self._hit_grid.grid(percent=False)
-        self._layers.update(self._grid, self._scan_m)
+        while self._layers.update(self._grid, self._scan_m) is None:
+            pass  # a new map takes several calls
         times_s = itertools.count()
         self._page = PageState(Pose2(), lambda: float(next(times_s)))  # each tick is due
         self._map = MESSAGES.grid(0.0, self._grid)
