@@ -1,12 +1,15 @@
 """The page in a real browser: what it shows of the robot."""
 
 import re
+from typing import Literal
 
+import pytest
 from benchmarks.shared.fake_robot import FakeRobot
 from playwright.sync_api import Page, expect
 
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
+from thumper.dashboard.page import page_title
 
 NUMBER = re.compile(r"^-?\d+\.\d\d$")
 
@@ -191,3 +194,40 @@ def test_colours_show_whether_the_motors_are_on(page: Page, robot: FakeRobot) ->
     expect_colours("disarmed", (grey, green, plain), armed=False)
     arm.click()
     expect_colours("closed loop", (green, plain, amber), armed=True)
+
+
+def test_the_title_names_only_a_robot_that_has_a_name(page: Page) -> None:
+    expect(page).to_have_title("Thumper")
+    assert page_title("rover") == "rover · Thumper"
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_costmap_leaves_walls_as_they_are(page: Page, scheme: Literal["light", "dark"]) -> None:
+    page.emulate_media(color_scheme=scheme)
+    page.wait_for_function("document.querySelector('.tp-map').mapView.grids.map")
+    wall, free = page.evaluate("""async () => {
+      const view = document.querySelector('.tp-map').mapView;
+      const { info } = view.grids.map;
+      await view.grids.map.drawn;
+      const canvas = document.createElement('canvas');
+      Object.assign(canvas, { width: info.columns, height: info.rows });
+      const pink = canvas.getContext('2d');
+      pink.fillStyle = 'rgba(214, 51, 132, .5)';
+      pink.fillRect(0, 0, info.columns, info.rows);
+      for (const name of Object.keys(view.visible)) view.visible[name] = name === 'map';
+      const ratio = window.devicePixelRatio;
+      const colours = (...names) => {
+        for (const name of names) view.visible[name] = true;
+        view.grids.local_costmap = { canvas, info };
+        view.draw();
+        return [[65, 54], [20, 54]].map(([column, row]) => {
+          const at = [column + 0.5, row + 0.5].map((cells, k) => info.origin[k] + cells * info.resolution_m);
+          const [x, y] = view.camera.toScreen(...at).map((part) => Math.round(part * ratio));
+          return Array.from(view.context.getImageData(x, y, 1, 1).data);
+        });
+      };
+      const [without, painted] = [colours(), colours('local_costmap')];
+      return [0, 1].map((k) => [without[k], painted[k]]);
+    }""")
+    assert wall[0] == wall[1]
+    assert free[0] != free[1]

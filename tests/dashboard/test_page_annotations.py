@@ -90,6 +90,21 @@ def test_the_keyboard_alone_draws_a_zone(page: Page, robot: FakeRobot) -> None:
     assert robot.fault == 0  # no key was taken for a stop
 
 
+def test_a_button_shows_the_shortcuts_and_the_tools_have_names(page: Page) -> None:
+    shortcuts = page.locator(".tp-shortcuts")
+    page.click("[data-shortcuts]")
+    expect(shortcuts).to_be_visible()
+    page.click("[data-shortcuts]")
+    expect(shortcuts).to_be_hidden()
+    names = page.locator(".tp-toolbar button small")
+    expect(names.first).to_be_visible()
+    assert all(names.all_inner_texts())
+    too_wide = "all => all.filter((one) => one.scrollWidth > one.clientWidth).length"
+    assert page.locator(".tp-toolbar button").evaluate_all(too_wide) == 0
+    page.set_viewport_size({"width": 1024, "height": 600})
+    expect(names.first).to_be_hidden()
+
+
 def test_a_question_mark_shows_the_shortcuts(page: Page, robot: FakeRobot) -> None:
     shortcuts = page.locator(".tp-shortcuts")
     expect(shortcuts).to_be_hidden()

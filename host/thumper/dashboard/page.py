@@ -16,6 +16,7 @@ from thumper.dashboard.simulator_panel import SimulatorPanel
 from thumper.dashboard.widgets import STATIC, Widget, box, button, inline, show_loading
 from thumper.ros.service import QueryClient
 
+DEFAULT_NAME = "thumper"  # of a robot
 READOUTS = (
     ("telemetry_age", "Telemetry age", "age of the newest telemetry"),
     ("scan_age", "Scan age", "age of the newest scan"),
@@ -63,6 +64,11 @@ class PageOptions:
     library: Path = Path()  # of a robot on this computer
 
 
+def page_title(robot: str) -> str:
+    """Return the title of the browser's tab."""
+    return "Thumper" if robot == DEFAULT_NAME else f"{robot} · Thumper"
+
+
 def build_page(options: PageOptions, robot: QueryClient) -> None:
     """Build the page for one browser."""
     ui.colors(primary="#2f81f7", negative="#d1242f", positive="#1a7f37", dark="#18222d", dark_page="#0f1720")
@@ -91,7 +97,7 @@ def build_page(options: PageOptions, robot: QueryClient) -> None:
 def _header(options: PageOptions, dark: ui.dark_mode) -> None:
     with ui.element("header").classes("tp-header"):
         inline('<b class="tp-brand">Thumper</b>')
-        if options.robot != "thumper":  # the default
+        if options.robot != DEFAULT_NAME:
             _field("robot", options.robot).classes("tp-robot")
         with box("tp-chips"):
             _chip("battery_full", "battery", "Battery").classes("tp-battery")
@@ -101,6 +107,8 @@ def _header(options: PageOptions, dark: ui.dark_mode) -> None:
         with button("tp-record", {"data-record": ""}, "Start or stop the recording"):
             inline('<i class="tp-dot"></i><span>REC</span>')
             _field("recorded")
+        with button("tp-icon tp-help", {"data-shortcuts": ""}, "Keyboard shortcuts (?)"):
+            ui.icon("keyboard")
         with button("tp-icon", {}, "Light or dark theme").on("click", partial(_toggle_theme, dark)):
             ui.icon("contrast")
         if options.has_password:

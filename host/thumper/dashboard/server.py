@@ -29,7 +29,7 @@ from thumper.dashboard.guide.guide_page import add_guide
 from thumper.dashboard.library import add_library
 from thumper.dashboard.login import AccessControl
 from thumper.dashboard.map_edits import add_map_edits
-from thumper.dashboard.page import PageOptions, build_page
+from thumper.dashboard.page import PageOptions, build_page, page_title
 from thumper.dashboard.page_commands import PageCommands, TeleopLimits
 from thumper.dashboard.page_state import TOPICS, PageState
 from thumper.dashboard.playback import add_playback
@@ -131,7 +131,7 @@ def build_app(
     add_playback(app, page.library)
     add_map_edits(app, page.library)
 
-    @ui.page("/", title=f"Thumper · {page.robot}", favicon=STATIC / "icon.svg")
+    @ui.page("/", title=page_title(page.robot), favicon=STATIC / "icon.svg")
     def index() -> None:
         build_page(page, robot)
         drop_abandoned_pages()

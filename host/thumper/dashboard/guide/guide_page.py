@@ -31,7 +31,7 @@ def add_guide(guide: Guide, robot: WatchedBus, options: PageOptions, commands: P
     commands.on_stop = guide.interrupt
     tasks: list[asyncio.Task[None]] = []
 
-    @ui.page("/setup", title="Thumper · first run", favicon=STATIC / "icon.svg")
+    @ui.page("/setup", title="First run · Thumper", favicon=STATIC / "icon.svg")
     def setup() -> None:
         _build_page(guide, options)
         drop_abandoned_pages()

@@ -10,6 +10,10 @@ export function colour(name) {
   return cache.get(name);
 }
 
+export function isDark() {
+  return document.body.classList.contains("body--dark");
+}
+
 export function onThemeChange(listener) {
   new MutationObserver(() => {
     cache.clear();

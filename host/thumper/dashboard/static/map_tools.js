@@ -10,17 +10,33 @@ import { send, state } from "./stream.js";
 
 const MIN_HEADING_DRAG_PX = 12; // a shorter drag sets no heading
 export const TOOLS = {
-  pan: { icon: "pan_tool", title: "Pan: drag to move the map, scroll or pinch to zoom", key: "v" },
-  goal: { icon: "flag", title: "Goal: press at the position, drag to set the heading", key: "g" },
-  waypoints: { icon: "route", title: "Waypoints: click each in order, then press Drive", key: "w" },
+  pan: { icon: "pan_tool", label: "Pan", title: "Pan: drag to move the map, scroll or pinch to zoom", key: "v" },
+  goal: { icon: "flag", label: "Goal", title: "Goal: press at the position, drag to set the heading", key: "g" },
+  waypoints: { icon: "route", label: "Route", title: "Waypoints: click each in order, then press Drive", key: "w" },
   pose: {
     icon: "assistant_navigation",
+    label: "Pose",
     title: "Pose estimate: press at the robot's position, drag to set its heading",
     key: "p",
   },
-  zone: { icon: "block", title: "Zone: click the corners of a keep-out or slow zone, then press Save", key: "z" },
-  place: { icon: "place", title: "Place: click to save a place by name, drag to set its heading", key: "l" },
-  obstacle: { icon: "add_box", title: "Obstacle: click to add a pillar to the simulated world", key: "o" },
+  zone: {
+    icon: "block",
+    label: "Zone",
+    title: "Zone: click the corners of a keep-out or slow zone, then press Save",
+    key: "z",
+  },
+  place: {
+    icon: "place",
+    label: "Place",
+    title: "Place: click to save a place by name, drag to set its heading",
+    key: "l",
+  },
+  obstacle: {
+    icon: "add_box",
+    label: "Pillar",
+    title: "Obstacle: click to add a pillar to the simulated world",
+    key: "o",
+  },
 };
 const OBSTACLE_RADIUS_M = 0.15;
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
@@ -58,21 +74,21 @@ export class MapTools {
     const bar = root.appendChild(document.createElement("div"));
     bar.className = "tp-toolbar";
     this.buttons = {};
-    for (const [name, { icon, title, key }] of Object.entries(TOOLS)) {
-      const button = this.addButton(bar, icon, `${title} (${key.toUpperCase()})`, () => this.selectTool(name));
+    for (const [name, { icon, label, title, key }] of Object.entries(TOOLS)) {
+      const button = this.addButton(bar, icon, label, `${title} (${key.toUpperCase()})`, () => this.selectTool(name));
       button.dataset.tool = name;
       this.buttons[name] = button;
     }
     bar.appendChild(document.createElement("hr"));
-    this.addButton(bar, "fit_screen", "Fit the map to the view", () => {
+    this.addButton(bar, "fit_screen", "Fit", "Fit the map to the view", () => {
       this.view.camera.userControlled = false;
       this.setFollow(false);
       this.view.fit();
     });
-    this.followButton = this.addButton(bar, "gps_fixed", "Follow the robot", () => {
+    this.followButton = this.addButton(bar, "gps_fixed", "Follow", "Follow the robot", () => {
       this.setFollow(!this.view.follow);
     });
-    const layersButton = this.addButton(bar, "layers", "Layers", () => { menu.hidden = !menu.hidden; });
+    const layersButton = this.addButton(bar, "layers", "Layers", "Layers", () => { menu.hidden = !menu.hidden; });
     layersButton.dataset.tool = "layers";
     const menu = bar.appendChild(document.createElement("div"));
     this.menu = menu;
@@ -104,12 +120,12 @@ export class MapTools {
     this.selectTool("pan");
   }
 
-  addButton(bar, icon, title, action) {
+  addButton(bar, icon, label, title, action) {
     const button = bar.appendChild(document.createElement("button"));
     button.type = "button";
     button.title = title;
     button.setAttribute("aria-label", title);
-    button.innerHTML = `<i class="material-icons">${icon}</i>`;
+    button.innerHTML = `<i class="material-icons">${icon}</i><small>${label}</small>`;
     button.addEventListener("click", action);
     return button;
   }

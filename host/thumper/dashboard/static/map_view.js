@@ -1,6 +1,6 @@
 // The map widget: a canvas with layers, and tools that turn a click or a drag into a command.
 
-import { colour, onThemeChange } from "./colours.js";
+import { colour, isDark, onThemeChange } from "./colours.js";
 import { drawAnnotations } from "./annotations.js";
 import { Camera } from "./map_camera.js";
 import * as layers from "./map_layers.js";
@@ -146,7 +146,9 @@ class MapView {
     context.fillRect(0, 0, camera.width, camera.height);
     if (visible.map && this.grids.map) layers.drawGrid(context, camera, this.grids.map);
     if (visible.local_costmap && this.grids.local_costmap) {
+      context.globalCompositeOperation = isDark() ? "lighten" : "darken"; // walls stay as dark, or as light
       layers.drawGrid(context, camera, this.grids.local_costmap);
+      context.globalCompositeOperation = "source-over";
       layers.drawGridEdge(context, camera, this.grids.local_costmap, "local costmap");
     }
     if (visible.annotations) drawAnnotations(context, camera);

@@ -24,6 +24,9 @@ export function startShortcuts() {
     list.appendChild(document.createElement("dt")).textContent = keys;
     list.appendChild(document.createElement("dd")).textContent = text;
   }
+  document.addEventListener("click", (event) => {
+    if (event.target.closest?.("[data-shortcuts]")) dialog.hidden = !dialog.hidden;
+  });
   document.addEventListener("keydown", (event) => {
     if (event.key === "?" && !/INPUT|TEXTAREA|SELECT/.test(event.target.tagName)) dialog.hidden = !dialog.hidden;
   });
