@@ -95,6 +95,13 @@ def test_goal_far_outside_any_map(thumper: Run, tmp_path: Path) -> None:
     refused(thumper("run", *SIM, "--goal", "4000", "0", "--out", tmp_path), "goal", "4000")
 
 
+def test_a_goal_too_far_from_the_start_opens_nothing(thumper: Run, tmp_path: Path) -> None:
+    done = thumper("run", *SIM, "--goal", "99", "0", "--out", tmp_path)
+    refused(done, "goal (99.00, 0.00) is 99 m away")
+    assert done.returncode == 2
+    assert done.stdout == ""
+
+
 def test_file_that_is_not_a_log(thumper: Run, tmp_path: Path) -> None:
     log = tmp_path / "shopping.log"
     log.write_text("milk\n")

@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,8 +38,8 @@ class FlashJob:
         return UPLOAD_BAUD[self.bootloader]
 
 
-def flash_board(job: FlashJob, *, tool: str) -> None:
-    """Write and verify the firmware; `tool` is avrdude, pio or auto.
+def flash_board(job: FlashJob, *, tool: str, report: Callable[[str], None] = lambda _: None) -> None:
+    """Write and verify the firmware; `tool` is avrdude, pio or auto. `report` gets a line when it begins.
 
     Raises
     ------
@@ -62,9 +63,15 @@ def flash_board(job: FlashJob, *, tool: str) -> None:
         if status != 0:
             raise _explain(job, tool, executable, output)
         command = [*probe, "-U", f"flash:w:{job.hex_file}:i"]
+    report(f"flashing {_short(job.hex_file)} to {job.port} at {job.upload_baud} baud")
     status, output = _run(command, FLASH_TIMEOUT_S)
     if status != 0:
         raise _explain(job, tool, executable, output)
+
+
+def _short(path: Path) -> Path:
+    """Return the path as seen from the working folder, if it is inside that."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def _find_tool(wanted: str) -> tuple[str, str]:

@@ -68,8 +68,7 @@ def flash(
         bootloader=bootloader.value,
     )
     console = Console(highlight=False)
-    console.print(f"flashing {job.hex_file} to {board} at {job.upload_baud} baud")
-    flash_board(job, tool=tool.value)
+    flash_board(job, tool=tool.value, report=console.print)
     console.print("written and verified")
     robot = Board.open(board, baud=baud)
     try:

@@ -21,10 +21,12 @@ KEEP_OUT_SHADE = 40  # occupancy in percent with which to draw a keep-out zone
 def plan(
     file: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="Saved map in map_server format.")],
     start: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="X Y", help="Start in the map, in metres.")
+        tuple[float, float] | None,
+        typer.Option(metavar="X Y", help="Start in the map, in metres; required without --batch."),
     ] = None,
     goal: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="X Y", help="Goal in the map, in metres.")
+        tuple[float, float] | None,
+        typer.Option(metavar="X Y", help="Goal in the map, in metres; required without --batch."),
     ] = None,
     planner: Annotated[
         str, typer.Option(help="carrot, navfn, astar or lattice; overrides the configuration.")
@@ -36,7 +38,9 @@ def plan(
     tolerance: Annotated[
         float, typer.Option(help="Allowed distance from the goal, in metres.", min=1e-6, max=1.0)
     ] = 0.1,
-    heading: Annotated[float, typer.Option(help="Heading at the start, in degrees from the x axis.")] = 0.0,
+    start_heading: Annotated[
+        float, typer.Option(help="Heading at the start, in degrees from the x axis.")
+    ] = 0.0,
     keepout: Annotated[
         Path | None, typer.Option(help="Keep-out mask (.yaml); overrides the configuration.")
     ] = None,
@@ -83,8 +87,10 @@ def plan(
         queries = [PlanQuery(start_m=start, goal_m=goal)]
     query_planner = QueryPlanner(grid, settings, options, zones)
     if options.planner != "carrot":  # load the kernels first, so that they do not count as planning time
-        query_planner.answer(queries[0], tolerance_m=tolerance, heading_deg=heading)
-    answers = [query_planner.answer(query, tolerance_m=tolerance, heading_deg=heading) for query in queries]
+        query_planner.answer(queries[0], tolerance_m=tolerance, heading_deg=start_heading)
+    answers = [
+        query_planner.answer(query, tolerance_m=tolerance, heading_deg=start_heading) for query in queries
+    ]
     if batch is not None:
         typer.echo(
             json.dumps([answer.to_json() for answer in answers], indent=1) if as_json else to_csv(answers)

@@ -22,8 +22,9 @@ from thumper.config.robot import RobotConfig, load_config, with_ports
 from thumper.dashboard.process import dashboard_process
 from thumper.maps.annotations import annotations_path, load_annotations
 from thumper.maps.map_server_io import load_datum
-from thumper.navigation.goal import check_place
+from thumper.navigation.goal import Goal, check_place
 from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.goal_limits import check_distance
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.drive_result import DriveResult
 from thumper.runtime.loop import RobotLoop
@@ -74,26 +75,33 @@ class RunOptions:
 
 
 @contextmanager
-def opened_robot(options: RunOptions, settings: RobotConfig, *, serving: bool = False) -> Iterator[RobotLoop]:
+def opened_robot(
+    options: RunOptions, settings: RobotConfig, *, serving: bool = False, goal: Goal | None = None
+) -> Iterator[RobotLoop]:
     """Open the robot, with recording, bus and browser page as the options say.
 
     A robot that is `serving` needs the bus, and saves its map on request; for a drive both are optional. If
-    the last run did not end normally, the robot resumes its map at the pose that was saved last.
+    the last run did not end normally, the robot resumes its map at the pose that was saved last. A `goal`
+    that is too far from a known start is refused before anything opens.
     """
     if serving:
         check_address_free(settings.bus.address)  # the interrupted session may be that of a running robot
-    with reserved(options.out), _opened(options, settings, serving=serving) as robot:
+    with reserved(options.out), _opened(options, settings, serving, goal) as robot:
         yield robot
 
 
 @contextmanager
-def _opened(options: RunOptions, settings: RobotConfig, *, serving: bool) -> Iterator[RobotLoop]:
+def _opened(
+    options: RunOptions, settings: RobotConfig, serving: bool, goal: Goal | None
+) -> Iterator[RobotLoop]:
     known = load_start_map(settings, options.saved_map, options.session)
     start, path = options.start_pose, options.saved_map or options.session
     datum = load_datum(options.saved_map) if options.saved_map else None
     if known is None and not options.fresh and (session := load_interrupted(settings, options.out, start)):
         known, start, path = session, session.map_from_base, options.out / AUTOSAVE
     else:
+        if known is None and goal is not None:
+            check_distance(goal, start or Pose2())
         set_aside_interrupted(options.out)
     annotations = load_annotations(annotations_path(path)) if path else None
     map_path = options.out / "map.yaml" if serving else None

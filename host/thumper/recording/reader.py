@@ -58,12 +58,13 @@ class Recording:
         for path in paths:
             _check(path)
         self.metadata = _metadata(paths[0])
-        for path in paths[1:]:
-            if _metadata(path).get("run") != self.metadata.get("run"):
-                raise ThumperError(
-                    f"{path} is of another run than {paths[0]}; pass the files of one run",
-                    exit_code=EXIT_USAGE,
-                )
+        first_of_run = {_metadata(path).get("run"): path for path in reversed(paths)}
+        if len(first_of_run) > 1:
+            newest = max(first_of_run.values())
+            raise ThumperError(
+                f"these files are of {len(first_of_run)} runs; pass those of one run, such as {newest}",
+                exit_code=EXIT_USAGE,
+            )
 
     @property
     def name(self) -> str:

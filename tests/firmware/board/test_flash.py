@@ -77,7 +77,9 @@ def test_the_other_boot_loader_baud_rate_is_detected() -> None:
 )
 def test_avrdude_errors_become_one_line(message: str, expected: str, tmp_path: Path) -> None:
     tools = tool(tmp_path, "avrdude", f"echo '{message}' >&2; exit 1")
-    assert expected in one_line(flash("--board", "/dev/null", "--hex", HEX, "--tool", "avrdude", path=tools))
+    failed = flash("--board", "/dev/null", "--hex", HEX, "--tool", "avrdude", path=tools)
+    assert expected in one_line(failed)
+    assert failed.stdout == ""  # nothing is flashed before a boot loader answers
 
 
 def test_a_missing_port_file_or_tool_is_named(tmp_path: Path) -> None:

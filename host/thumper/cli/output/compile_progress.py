@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.spinner import Spinner
 
-COMPILING = "compiling for this computer, once: a few minutes"
+COMPILING = "compiling for this computer, once: 1 to 2 minutes"
 
 
 class CompileProgress:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.geometry import Pose2
 from thumper.navigation.costmap.filters import is_kept_out
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import Navigator
@@ -10,6 +11,16 @@ from thumper.runtime.drive.drive_manager import GOAL_MARGIN_M
 from thumper.runtime.state_estimator import StateEstimator
 
 MAX_GOAL_DISTANCE_M = 50.0  # the map of a whole drive must fit into memory and planning time
+
+
+def check_distance(goal: Goal, map_from_base: Pose2) -> None:
+    """Raise ThumperError if the goal is too far from the robot."""
+    if (distance_m := goal.distance_m(map_from_base)) > MAX_GOAL_DISTANCE_M:
+        raise ThumperError(
+            f"goal {goal} is {distance_m:.0f} m away; "
+            f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of the robot",
+            exit_code=EXIT_USAGE,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,11 +36,6 @@ class GoalLimits:
         assert state is not None  # no goal is accepted before there is a map
         if is_kept_out(self.navigator.keepout, state.map_from_base.x_m, state.map_from_base.y_m):
             raise ThumperError("the robot is in a keep-out zone: drive it out manually, or remove the zone")
-        if goal.distance_m(state.map_from_base) > MAX_GOAL_DISTANCE_M:
-            raise ThumperError(
-                f"goal {goal} is {goal.distance_m(state.map_from_base):.0f} m away; "
-                f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of the robot",
-                exit_code=EXIT_USAGE,
-            )
+        check_distance(goal, state.map_from_base)
         grid = self.estimator.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
         self.navigator.validate_goal(goal, grid)

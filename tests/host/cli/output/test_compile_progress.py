@@ -20,7 +20,7 @@ def test_compiling_takes_two_lines() -> None:
     with compile_progress(Console(file=written), "loading"):
         compile_some()
     assert written.getvalue().splitlines() == [
-        "compiling for this computer, once: a few minutes",
+        "compiling for this computer, once: 1 to 2 minutes",
         f"compiled {KERNELS} kernels",
     ]
 
