@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
-from thumper.navigation.costmap.ray_evidence import BIN_RAD, Evidence, ray_evidence
+from thumper.navigation.costmap.ray_evidence import BIN_RAD, Evidence, ScanRays
 
 CLEARING_M = 0.08  # a ray that passes this far behind a point clears it
 # Looks without an echo from a point clear it, too, if the lidar has moved between them: an open hall returns
@@ -132,7 +132,7 @@ class ObstacleMemory:
 
     def _judge(self, time_s: float, scan_pose: Pose2, hits_m: FloatArray) -> None:
         """Forget the points that a scan shows, and those that it shows to be gone."""
-        evidence = ray_evidence(self._view, scan_pose, hits_m, self._points_m, CLEARING_M)
+        evidence = ScanRays(self._view, scan_pose, hits_m).evidence(self._points_m, CLEARING_M)
         lidar = scan_pose @ self._view.base_from_laser
         looked_m = np.hypot(*(self._looked_from_m - (lidar.x_m, lidar.y_m)).T)
         later = time_s - self._looked_s >= LOOK_STEP_S

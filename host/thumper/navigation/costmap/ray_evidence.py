@@ -35,19 +35,23 @@ PASSED, SILENT = int(Evidence.PASSED), int(Evidence.SILENT)
 NO_GAPS = (np.empty(0), 0.0)  # all directions are silent
 
 
-def ray_evidence(
-    view: FieldOfView, map_from_base: Pose2, hits_m: FloatArray, points_m: FloatArray, depth_m: float
-) -> NDArray[np.int64]:
-    """Return the `Evidence` about each place, shape (n,), from a scan taken at `map_from_base`.
+class ScanRays:
+    """The rays of one scan, taken at `map_from_base`. `hits_m`, shape (k, 2) in map [m], are its echoes."""
 
-    `hits_m`, shape (k, 2), are the scan's echoes and `points_m`, shape (n, 2), the places, both in map [m].
-    An echo within `depth_m` of a place comes from it.
-    """
-    bearing_rad, range_m = view.bearings_and_ranges(map_from_base, points_m)
-    hit_rad, hit_m = view.bearings_and_ranges(map_from_base, hits_m)
-    found = _evidence(bearing_rad, range_m, _nearest_echoes_m(hit_rad, hit_m), *_gaps(hit_rad), depth_m)
-    found[~view.contains(bearing_rad, range_m, edge_rad=BIN_RAD)] = Evidence.OUT_OF_VIEW
-    return found
+    def __init__(self, view: FieldOfView, map_from_base: Pose2, hits_m: FloatArray) -> None:
+        self._view, self._map_from_base = view, map_from_base
+        hit_rad, hit_m = view.bearings_and_ranges(map_from_base, hits_m)
+        self._nearest_m, self._gaps = _nearest_echoes_m(hit_rad, hit_m), _gaps(hit_rad)
+
+    def evidence(self, points_m: FloatArray, depth_m: float) -> NDArray[np.int64]:
+        """Return the `Evidence` about each place, shape (n,); the places have shape (n, 2), in map [m].
+
+        An echo within `depth_m` of a place comes from it.
+        """
+        bearing_rad, range_m = self._view.bearings_and_ranges(self._map_from_base, points_m)
+        found = _evidence(bearing_rad, range_m, self._nearest_m, *self._gaps, depth_m)
+        found[~self._view.contains(bearing_rad, range_m, edge_rad=BIN_RAD)] = Evidence.OUT_OF_VIEW
+        return found
 
 
 class Look:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.field_of_view import FieldOfView
-from thumper.navigation.costmap.ray_evidence import Evidence, ray_evidence
+from thumper.navigation.costmap.ray_evidence import Evidence, ScanRays
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.speed_limits import SpeedLimits
 
@@ -52,8 +52,10 @@ class PastScan(NamedTuple):
     """One scan of the comparison."""
 
     time_s: float
-    map_from_base: Pose2
     hits_m: FloatArray  # shape (n, 2), in map, in beam order
+    rays: ScanRays
+    objects: list[FloatArray]  # the hits, split where neighbours are far apart
+    is_small: NDArray[np.bool_]  # which objects are not too wide for a person
 
 
 class MovingObject(NamedTuple):
@@ -97,7 +99,8 @@ class DynamicObstacles:
         """
         while self._scans and self._scans[0].time_s < time_s - OLDEST_S - ROUNDING_S:
             self._scans.popleft()
-        scan = PastScan(time_s, map_from_base, hits_in_map_m)
+        rays = ScanRays(self._view, map_from_base, hits_in_map_m)
+        scan = PastScan(time_s, hits_in_map_m, rays, *_objects(hits_in_map_m))
         earlier = [past for past in self._scans if past.time_s <= time_s - COMPARED_S + ROUNDING_S]
         self.moving = self._detect(scan, earlier) if earlier else []
         self.small = self._small_objects(scan)
@@ -113,8 +116,7 @@ class DynamicObstacles:
         """Return at which places, shape (n, 2) in map, the oldest scan saw something, or had no view of."""
         if not self._scans:
             return np.ones(len(points_m), np.bool_)
-        oldest = self._scans[0]
-        evidence = ray_evidence(self._view, oldest.map_from_base, oldest.hits_m, points_m, PASSED_M)
+        evidence = self._scans[0].rays.evidence(points_m, PASSED_M)
         seen: NDArray[np.bool_] = (evidence == Evidence.SEEN) | (evidence == Evidence.OUT_OF_VIEW)
         return seen
 
@@ -153,14 +155,14 @@ class DynamicObstacles:
             return moving
         past, new_objects, static_m = earlier[-1], [], [np.empty((0, 2))]
         start = 0
-        for points_m in _objects(scan.hits_m):
+        for points_m, is_small in zip(scan.objects, scan.is_small, strict=True):
             new_fraction = is_new[start : start + len(points_m)].mean()
             start += len(points_m)
             if new_fraction < LEAST_NEW_FRACTION:
                 static_m.append(points_m)
-            elif len(points_m) >= LEAST_POINTS and np.ptp(points_m, axis=0).max() <= WIDEST_M:
+            elif is_small:
                 new_objects.append(points_m)
-        before = [points_m for points_m in _objects(past.hits_m) if len(points_m) >= LEAST_POINTS]
+        before = [points_m for points_m in past.objects if len(points_m) >= LEAST_POINTS]
         elapsed_s, still_m = scan.time_s - past.time_s, np.vstack(static_m)
         furthest_m = min(FURTHEST_M, FASTEST_M_S * elapsed_s)
         for points_m in new_objects:
@@ -172,15 +174,10 @@ class DynamicObstacles:
 
     def _small_objects(self, scan: PastScan) -> list[SmallObject]:
         """Return the objects that are not too wide for a person."""
-        small = [
-            points_m
-            for points_m in _objects(scan.hits_m)
-            if len(points_m) >= LEAST_POINTS and np.ptp(points_m, axis=0).max() <= WIDEST_M
-        ]
+        small = [scan.objects[number] for number in np.flatnonzero(scan.is_small)]
         if not small or not self._scans:
             return []
-        oldest = self._scans[0]
-        evidence = ray_evidence(self._view, oldest.map_from_base, oldest.hits_m, np.vstack(small), PASSED_M)
+        evidence = self._scans[0].rays.evidence(np.vstack(small), PASSED_M)
         may_rest = (evidence != Evidence.PASSED) & (evidence != Evidence.SILENT)
         rests = np.split(may_rest, np.cumsum([len(points_m) for points_m in small])[:-1])
         return [
@@ -190,8 +187,7 @@ class DynamicObstacles:
 
     def _is_new(self, hits_m: FloatArray, earlier: list[PastScan]) -> NDArray[np.bool_]:
         """Return which hits are where earlier rays passed, or where several scans had no echo."""
-        found = [ray_evidence(self._view, s.map_from_base, s.hits_m, hits_m, PASSED_M) for s in earlier]
-        evidence = np.array(found)
+        evidence = np.array([past.rays.evidence(hits_m, PASSED_M) for past in earlier])
         passed = (evidence == Evidence.PASSED).any(axis=0)
         silent = len(earlier) >= SILENT_SCANS and (evidence == Evidence.SILENT).all(axis=0)
         was_seen = (evidence == Evidence.SEEN).any(axis=0)
@@ -221,9 +217,13 @@ def _step_from(
     return np.zeros(2)
 
 
-def _objects(points_m: FloatArray) -> list[FloatArray]:
-    """Split a scan where neighbouring hits are far apart."""
+def _objects(points_m: FloatArray) -> tuple[list[FloatArray], NDArray[np.bool_]]:
+    """Split a scan where neighbouring hits are far apart; return the objects, and which are small."""
     if len(points_m) == 0:
-        return []
+        return [], np.zeros(0, np.bool_)
     gaps = np.hypot(*np.diff(points_m, axis=0).T) > SPLIT_M
-    return np.split(points_m, np.nonzero(gaps)[0] + 1)
+    starts = np.concatenate(([0], np.flatnonzero(gaps) + 1))
+    extents_m = np.maximum.reduceat(points_m, starts) - np.minimum.reduceat(points_m, starts)
+    counts = np.diff(starts, append=len(points_m))
+    is_small: NDArray[np.bool_] = (counts >= LEAST_POINTS) & (extents_m.max(axis=1) <= WIDEST_M)
+    return np.split(points_m, starts[1:]), is_small

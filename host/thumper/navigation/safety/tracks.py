@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.numba_kernel import kernel
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.safety.dynamic_obstacles import MovingObject, SmallObject
 
@@ -87,7 +88,7 @@ class Tracks:
         """Follow all tracks to a scan's small objects; begin those of new moving ones."""
         elapsed_s = 0.0 if self._time_s is None else time_s - self._time_s
         self._time_s = time_s
-        discs = np.array([_disc(points_m, lidar) for points_m, _ in objects]).reshape(-1, 3)
+        discs = _discs([points_m for points_m, _ in objects], lidar)
         rests = np.array([at_rest for _, at_rest in objects], np.bool_)
         if elapsed_s > HIDDEN_S:  # the robot has not looked: what is there now may be something else
             self.tracks = []
@@ -105,7 +106,7 @@ class Tracks:
                 self._follow(track, discs[mine], time_s, elapsed_s)
         self.tracks = [track for track in self.tracks if self._is_kept(track, time_s)]
         self._merge()
-        found = [(moved, _disc(moved.points_m, lidar)) for moved in moving]
+        found = list(zip(moving, _discs([moved.points_m for moved in moving], lidar), strict=True))
         for moved, (x_m, y_m, radius_m) in found:
             if all(math.dist((x_m, y_m), track.centre_m) > NEW_GATE_M for track in self.tracks):
                 velocity_m_s = _limited(FOOT_FRACTION * moved.velocity_m_s)
@@ -206,14 +207,31 @@ def _limited(velocity_m_s: FloatArray) -> FloatArray:
     return velocity_m_s * min(1.0, FASTEST_M_S / max(speed_m_s, 1e-9))
 
 
-def _disc(points_m: FloatArray, lidar: Pose2) -> tuple[float, float, float]:
-    """Return the disc (x, y, radius) of which the lidar sees the points, shape (n, 2)."""
-    middle_m = points_m.mean(axis=0)
-    away = _unit(middle_m - (lidar.x_m, lidar.y_m))
-    across = points_m @ np.array((-away[1], away[0]))
-    radius_m = max(LEAST_RADIUS_M, 0.5 * float(np.ptp(across)))
-    x_m, y_m = middle_m + BEHIND_FRACTION * radius_m * away
-    return float(x_m), float(y_m), min(radius_m, MOST_RADIUS_M)
+def _discs(objects_m: list[FloatArray], lidar: Pose2) -> FloatArray:
+    """Return the disc (x, y, radius) of which the lidar sees each object's points, shape (k, 3)."""
+    ends = np.cumsum([len(points_m) for points_m in objects_m], dtype=np.int64)
+    return _fit_discs(np.vstack((np.empty((0, 2)), *objects_m)), ends, lidar.x_m, lidar.y_m)
+
+
+@kernel
+def _fit_discs(
+    points_m: FloatArray, ends: NDArray[np.int64], lidar_x_m: float, lidar_y_m: float
+) -> FloatArray:
+    """`points_m`, shape (n, 2), are those of all objects; the points of object k end at `ends[k]`."""
+    discs = np.empty((len(ends), 3))
+    start = 0
+    for k in range(len(ends)):
+        mine = points_m[start : ends[k]]
+        start = ends[k]
+        x_m, y_m = mine[:, 0].mean(), mine[:, 1].mean()
+        distance_m = max(1e-9, math.hypot(x_m - lidar_x_m, y_m - lidar_y_m))
+        away_x, away_y = (x_m - lidar_x_m) / distance_m, (y_m - lidar_y_m) / distance_m
+        across_m = mine[:, 1] * away_x - mine[:, 0] * away_y
+        radius_m = max(LEAST_RADIUS_M, 0.5 * (across_m.max() - across_m.min()))
+        discs[k, 0] = x_m + BEHIND_FRACTION * radius_m * away_x
+        discs[k, 1] = y_m + BEHIND_FRACTION * radius_m * away_y
+        discs[k, 2] = min(radius_m, MOST_RADIUS_M)
+    return discs
 
 
 def _reach_across_m(discs: FloatArray, track: Track) -> float:

@@ -9,7 +9,7 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.costmap import ray_evidence as ray_evidence_module
 from thumper.navigation.costmap.obstacle_memory import ObstacleMemory, ObstacleMemoryOptions
-from thumper.navigation.costmap.ray_evidence import Evidence, ray_evidence
+from thumper.navigation.costmap.ray_evidence import Evidence, ScanRays
 from thumper.navigation.footprint import Footprint
 
 VIEW = FieldOfView(base_from_laser=Pose2())
@@ -40,8 +40,8 @@ def memory_of_the_post() -> ObstacleMemory:
     ],
 )
 def test_evidence_of_one_scan(hits_m: FloatArray, evidence: Evidence) -> None:
-    assert ray_evidence(VIEW, Pose2(), hits_m, POST, 0.08).tolist() == [evidence]
-    assert ray_evidence(VIEW, Pose2(theta_rad=math.pi), hits_m, POST, 0.08)[0] == Evidence.OUT_OF_VIEW
+    assert ScanRays(VIEW, Pose2(), hits_m).evidence(POST, 0.08).tolist() == [evidence]
+    assert ScanRays(VIEW, Pose2(theta_rad=math.pi), hits_m).evidence(POST, 0.08)[0] == Evidence.OUT_OF_VIEW
 
 
 def test_silent_scans_from_one_pose_do_not_clear_a_point_beside_the_robot() -> None:
