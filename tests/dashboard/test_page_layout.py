@@ -122,6 +122,18 @@ def test_the_mouse_position_covers_no_tool_on_a_phone(page: Page) -> None:
     assert tools["y"] + tools["height"] <= position["y"]
 
 
+def test_a_phone_has_one_row_of_commands_and_no_empty_message(page: Page) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    tops_px = page.locator(".q-tab-panel:visible .tp-buttons > button").evaluate_all(
+        "all => all.map((one) => one.getBoundingClientRect().top)"
+    )
+    assert len(tops_px) == 5
+    assert len(set(tops_px)) == 1
+    page.click(".tp-tab-gains")
+    expect(page.locator("[data-gain=kp]")).to_be_visible()
+    expect(page.locator(".tp-message").first).to_be_hidden()
+
+
 def test_phone_layout_shows_everything(page: Page, robot: FakeRobot) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
     robot.goal = Pose2(x_m=1.0, y_m=1.0)

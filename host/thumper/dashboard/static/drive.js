@@ -130,6 +130,7 @@ class ManualDrive {
     const isDown = (button) => Boolean(gamepad?.buttons[button]?.pressed);
     this.onPress("stop", isDown(BUTTONS.stop), emergencyStop); // works without the focus, too
     // Without the focus a browser may keep reporting the last state of the gamepad: a stick that never returns.
+    this.gamepadStatus.dataset.found = Boolean(gamepad);
     if (!gamepad || document.hidden || !document.hasFocus()) {
       this.gamepadStatus.textContent = gamepad ? "Click this page to drive with the gamepad"
         : "No gamepad found: press any of its buttons";
