@@ -2,13 +2,40 @@
 
 import colorsys
 import re
+from pathlib import Path
 
 import pytest
 
+from thumper.common.colours import (
+    BLUE,
+    FREE_COLOUR,
+    GREY,
+    OCCUPIED_COLOUR,
+    ORANGE,
+    RED,
+    UNKNOWN_COLOUR,
+)
 from thumper.dashboard.widgets import STATIC
-from thumper.maps.plot import BLUE, ORANGE, RED
 
 SAME_DEG, DIFFERENT_DEG = 20.0, 30.0
+
+
+ROBOT_STYLE = Path(__file__).parents[2] / "hil/browser/page/style.css"
+
+
+def colours_of(style: str, scheme: str) -> dict[str, str]:
+    block = style[style.index(f"{scheme} {{") :].partition("}")[0]
+    return dict(re.findall(r"--(?:tp|robot)-([a-z-]+): (#[0-9a-f]{6})", block))
+
+
+def test_pages_and_pictures_share_one_table() -> None:
+    page = colours_of((STATIC / "style.css").read_text(encoding="utf-8"), ":root")
+    robot = colours_of(ROBOT_STYLE.read_text(encoding="utf-8"), "#robot")
+    table = {"plan": ORANGE, "goal": ORANGE, "scan": RED, "speed": BLUE, "setpoint": GREY}
+    table |= {"map-unknown": UNKNOWN_COLOUR, "map-free": FREE_COLOUR, "map-wall": OCCUPIED_COLOUR}
+    assert {name: page[name] for name in table} == table
+    table = {"scan": RED, "robot": BLUE, "left": BLUE}
+    assert {name: robot[name] for name in table} == table
 
 
 def hue_deg(colour: str) -> float:
@@ -24,8 +51,7 @@ def differs_deg(one: str, other: str) -> float:
 @pytest.mark.parametrize("scheme", [":root", "body.body--dark"])
 def test_plan_scan_and_path_have_the_colours_of_the_pictures(scheme: str) -> None:
     style = (STATIC / "style.css").read_text(encoding="utf-8")
-    block = style[style.index(f"{scheme} {{") :].partition("}")[0]
-    colours = dict(re.findall(r"--tp-([a-z-]+): (#[0-9a-f]{6})", block))
+    colours = colours_of(style, scheme)
     for name, picture in (("plan", ORANGE), ("goal", ORANGE), ("scan", RED), ("trail", BLUE)):
         assert differs_deg(colours[name], picture) < SAME_DEG, name
     for name in ("plan", "scan", "trail", "particles"):

@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from thumper.cli.output.run_report import INK
-from thumper.maps.plot import BLUE, ORANGE, save_figure
+from thumper.common.colours import BLUE, ORANGE
+from thumper.maps.plot import save_figure
 from thumper_hil.campaign.result_row import MEASURES, CampaignRow
 from thumper_hil.campaign.summary import MIN_RUNS, Summary
 

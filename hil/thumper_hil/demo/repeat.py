@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
+from thumper.common.colours import BLUE, GREEN, ORANGE
 from thumper.common.files import write_csv, write_text
-from thumper.maps.plot import BLUE, GREEN, ORANGE, draw_grid, save_figure
+from thumper.maps.plot import draw_grid, save_figure
 from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.outcome import Outcome
 from thumper_hil.demo.run import drive_mission, load_kernels

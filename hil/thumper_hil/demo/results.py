@@ -18,10 +18,11 @@ from rich.table import Table
 
 from thumper.board.messages import SCHEMA_HASH
 from thumper.cli.output.run_report import draw_speeds
+from thumper.common.colours import GREEN, ORANGE
 from thumper.common.files import write_text
 from thumper.common.version import __version__
 from thumper.maps.map_server_io import save_map
-from thumper.maps.plot import GREEN, ORANGE, draw_grid, save_figure
+from thumper.maps.plot import draw_grid, save_figure
 from thumper.robot.figure import draw_drive
 from thumper.runtime.drive_log import path_length_m, speed_errors
 from thumper.slam.saved_state import save_session

@@ -9,12 +9,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from thumper.common.colours import BLUE, FREE_COLOUR, OCCUPIED_COLOUR, ORANGE, UNKNOWN_COLOUR
 from thumper.common.files import write_whole
 from thumper.common.geometry import FloatArray
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
-UNKNOWN_COLOUR, FREE_COLOUR, OCCUPIED_COLOUR = "#e9edf1", "#ffffff", "#1c2733"
-BLUE, ORANGE, GREEN, RED = "#2563eb", "#ea580c", "#16a34a", "#d1495b"
 LONG_SIDE_PX, BORDER_PX, BOTTOM_PX, DPI = 1200, 90, 54, 120
 MARGIN_M = 0.5
 

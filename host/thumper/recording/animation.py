@@ -11,12 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from PIL import Image
 
+from thumper.common.colours import BLUE, ORANGE, RED, UNKNOWN_COLOUR
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import write_whole
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import scan_points
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.maps.plot import BLUE, ORANGE, RED, UNKNOWN_COLOUR, draw_grid
+from thumper.maps.plot import draw_grid
 from thumper.recording.export import last_map
 from thumper.recording.reader import Recording
 from thumper.ros import from_ros

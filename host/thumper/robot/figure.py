@@ -6,9 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from thumper.common.colours import BLUE, ORANGE, RED, UNKNOWN_COLOUR
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.maps.plot import BLUE, ORANGE, RED, UNKNOWN_COLOUR, draw_grid
+from thumper.maps.plot import draw_grid
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.planners.polyline import arc_lengths
 from thumper.runtime.drive_log import DriveLog

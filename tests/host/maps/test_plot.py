@@ -6,9 +6,10 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+from thumper.common.colours import BLUE, FREE_COLOUR, OCCUPIED_COLOUR, ORANGE
 from thumper.maps.map_server_io import load_map, save_map
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from thumper.maps.plot import BLUE, FREE_COLOUR, OCCUPIED_COLOUR, ORANGE, plot_map
+from thumper.maps.plot import plot_map
 
 
 @pytest.mark.parametrize(("planned", "path_colour"), [(True, ORANGE), (False, BLUE)])

@@ -7,8 +7,8 @@ import pytest
 from benchmarks.shared.recorded_run import RUN, cycles
 from PIL import Image
 
+from thumper.common.colours import BLUE
 from thumper.common.errors import ThumperError
-from thumper.maps.plot import BLUE
 from thumper.recording.animation import LONG_SIDE_PX, animate
 from thumper.recording.reader import Recording
 from thumper.recording.recorder import Recorder

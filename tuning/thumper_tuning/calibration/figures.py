@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from thumper.common.colours import BLUE, GREY, RED
 from thumper.maps.plot import save_figure
 from thumper_tuning.calibration.wheel_log import WheelLog
 from thumper_tuning.calibration.wheel_truth import WheelComparison
 from thumper_tuning.drive.verify import Verification
 
-REFERENCE, MEASURED, ERROR = "#7f7f7f", "#1f77b4", "#d62728"
+REFERENCE, MEASURED, ERROR = GREY, BLUE, RED
 
 
 def _plot_error(axes: Any, time_s: Any, error: Any, color: str, name: str = "") -> None:

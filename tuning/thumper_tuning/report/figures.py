@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from matplotlib.figure import Figure
 
+from thumper.common.colours import BLUE, GREEN, GREY, RED
 from thumper.common.geometry import FloatArray
 from thumper_tuning.drive.verify import Verification
 from thumper_tuning.identify.fit_warnings import WHITENESS_LIMIT, autocorrelation
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 PANEL, TALL = (4.8, 3.6), (4.8, 4.6)  # at the width of a phone one point is one pixel
-BLUE, RED, GREEN, GREY = "#1f77b4", "#d62728", "#2ca02c", "#7f7f7f"
 MEASURED, MODEL, REFERENCE = BLUE, RED, GREY
 BEFORE, AFTER = BLUE, RED
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 STYLE = """body{font:14px/1.4 sans-serif;max-width:1400px;margin:1em auto;padding:0 1em;color:#222}
 h1{font-size:1.4em;margin:.4em 0}h2{font-size:1.15em;margin:1em 0 .4em}li{margin:.2em 0}
-.verdict{background:#f0f4f8;border-left:4px solid #1f77b4;padding:.6em 1em;margin:.6em 0}
+.verdict{background:#f0f4f8;border-left:4px solid #1f6feb;padding:.6em 1em;margin:.6em 0}
 .verdict p{margin:.2em 0}
 .tables{display:flex;flex-wrap:wrap;align-items:start;gap:0 1.5em;overflow-x:auto}
 table{border-collapse:collapse;margin:.5em 0;font-size:.9em}

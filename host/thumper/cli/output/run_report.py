@@ -8,12 +8,13 @@ import matplotlib
 matplotlib.use("Agg")
 from matplotlib.figure import Figure
 
+from thumper.common.colours import BLUE, GREEN
 from thumper.common.files import write_text
 from thumper.common.geometry import FloatArray
 from thumper.gps.earth_reference import MapDatum
 from thumper.maps.annotations import Annotations, annotations_path, save_annotations
 from thumper.maps.map_server_io import save_map
-from thumper.maps.plot import BLUE, GREEN, draw_grid, save_figure
+from thumper.maps.plot import draw_grid, save_figure
 from thumper.robot.figure import draw_drive
 from thumper.runtime.drive_log import SPEED_COLUMNS, DriveLog, speed_errors
 from thumper.runtime.drive_result import DriveResult
