@@ -75,7 +75,12 @@ def make_lidar(
     conditions = UNDISTURBED
     is_flat = not (world.sills_m.size or world.ramps_m.size)
     if has_surfaces or not is_flat or preset.lidar != SILENT or not is_level:
-        conditions = BeamConditions(effects=preset.lidar, pitch_at=track.pitch_at, tilt_rad=mounting.tilt_rad)
+        conditions = BeamConditions(
+            effects=preset.lidar,
+            pitch_at=track.pitch_at,
+            tilt_rad=mounting.tilt_rad,
+            ramps_m=world.ramps_m,
+        )
     lidar: A5Device | Ld19 | Urg04Lx = LIDAR_MODELS[options.lidar](
         world=history,
         pose_at=track.pose_at,

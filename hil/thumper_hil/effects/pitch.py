@@ -1,15 +1,13 @@
-"""Pitch of the body on its springs, and the floor that a lowered beam hits.
+"""Pitch of the body on its springs.
 
 The body is a mass on a spring with a damper (Rajamani, "Vehicle Dynamics and Control", ch. 10, one degree of
-freedom). Its equilibrium is proportional to the acceleration. A beam that points down by an angle `a` from
-the height `h` ends on the floor after h / tan(a): 3.8 m at 0.2 m and 3 degrees.
+freedom). Its equilibrium is proportional to the acceleration.
 """
 
 import math
 
 import numpy as np
 
-from thumper.common.geometry import FloatArray
 from thumper_hil.effects.body_parts import body_parts
 from thumper_hil.effects.preset import BodyEffects
 
@@ -50,13 +48,3 @@ class Pitch:
         else:
             self._shake_rad = 0.0
         return self._angle_rad + self._shake_rad
-
-
-def floor_range_m(pitch_rad: FloatArray, bearings_rad: FloatArray, height_m: float) -> FloatArray:
-    """Return where each beam of a pitched lidar meets the floor, shape (n,); +inf if it never does.
-
-    `bearings_rad` is counter-clockwise from the front of the body, shape (n,).
-    """
-    down = np.tan(pitch_rad) * np.cos(bearings_rad)
-    with np.errstate(divide="ignore"):
-        return np.where(down > 1e-9, height_m / np.maximum(down, 1e-12), np.inf)

@@ -5,14 +5,15 @@ noise inside a lidar belongs to its model.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper_hil.effects.echo_loss import random_runs
+from thumper_hil.effects.floor_echoes import NO_RAMPS, floor_range_m, slope_toward
 from thumper_hil.effects.mixed_pixels import mix_at_edges
-from thumper_hil.effects.pitch import SPRINGS, floor_range_m
+from thumper_hil.effects.pitch import SPRINGS
 from thumper_hil.effects.preset import LidarEffects
 from thumper_hil.effects.self_returns import add_self_returns
 from thumper_hil.effects.surfaces import echo_loss
@@ -34,12 +35,14 @@ class BeamConditions:
 
     `pitch_at(times_s)` returns the pitch of the body [rad], positive with the front down, shape (n,).
     `tilt_rad` is the lidar's own tilt on the body. `clock_drift` is the relative error of its clock.
+    `ramps_m`, shape (n, 6), are the ramps of the floor (`thumper_hil.world.ramps`).
     """
 
     effects: LidarEffects | None = None
     pitch_at: Callable[[FloatArray], FloatArray] = _level
     tilt_rad: float = 0.0
     clock_drift: float = 0.0
+    ramps_m: FloatArray = field(default_factory=lambda: NO_RAMPS)
 
     def without_mixed_pixels(self) -> "BeamConditions":
         """Return these conditions for a lidar whose own model mixes pixels."""
@@ -90,10 +93,12 @@ class Beams:
             ranges_m = self.world.cast_at(times_s, x_m, y_m, angles_rad)
             lost = np.zeros(ranges_m.size, np.bool_)
         pitch_rad = self.conditions.pitch_at(times_s) + self.conditions.tilt_rad
-        ranges_m = np.minimum(
-            np.where(lost, np.inf, ranges_m),
-            floor_range_m(pitch_rad, mount.theta_rad + bearings_rad, SPRINGS.lidar_height_m),
-        )
+        rays, ramps_m = np.column_stack((x_m, y_m, angles_rad)), self.conditions.ramps_m
+        to_left = slope_toward(rays[:, :2], poses[:, 2] + 0.5 * np.pi, ramps_m)  # the body leans with it
+        in_body_rad = mount.theta_rad + bearings_rad
+        down = np.tan(pitch_rad) * np.cos(in_body_rad) - to_left * np.sin(in_body_rad)
+        floor_m = floor_range_m(rays, down, SPRINGS.lidar_height_m, ramps_m)
+        ranges_m = np.minimum(np.where(lost, np.inf, ranges_m), floor_m)
         ranges_m = mix_at_edges(ranges_m, self.range_max_m, effects.mixed_share, rng)
         if effects.loss_share > 0.0:
             gone = random_runs(np.full(ranges_m.size, effects.loss_share), RUN_LENGTH_BEAMS, rng)

@@ -14,7 +14,7 @@ from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.kinematics import WheelSpeeds
 from thumper.slam.pose_arrays import to_pose
 from thumper_hil.bench import simulation
-from thumper_hil.effects.pitch import Pitch, floor_range_m
+from thumper_hil.effects.pitch import Pitch
 from thumper_hil.effects.preset import BodyEffects, load_preset
 from thumper_hil.effects.tyres import rolling_radius_m
 from thumper_hil.world.sills import pitch_over_sills_rad
@@ -38,13 +38,6 @@ def test_a_stop_pitches_the_front_down_and_the_springs_settle() -> None:
     for _ in range(400):
         at_rest = still.step(0.0, 0.01)
     assert abs(at_rest) < 1e-3
-
-
-def test_three_degrees_see_the_floor_at_3_8_metres() -> None:
-    ranges_m = floor_range_m(np.full(3, math.radians(3.0)), np.radians([0.0, 60.0, 120.0]), 0.2)
-    assert ranges_m[0] == pytest.approx(3.8, abs=0.02)
-    assert ranges_m[1] == pytest.approx(7.6, abs=0.05)
-    assert ranges_m[2] == math.inf
 
 
 def test_the_axles_climb_a_sill() -> None:

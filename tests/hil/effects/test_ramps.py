@@ -20,6 +20,7 @@ from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive.tasks import drive_to_goal
 from thumper_hil.bench import simulation
 from thumper_hil.bench.bench import Bench
+from thumper_hil.bench.hardware import BASE_FROM_LASER
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.chip.robot_params import RobotParams
 from thumper_hil.demo.missions import TOLERANCE_M
@@ -31,10 +32,10 @@ HALL = "[[wall]]\nclosed = true\npoints_m = [[-8, -3], [8, -3], [8, 3], [-8, 3]]
 RAMP = "[[ramp]]\nx_m = {x}\ny_m = 0\nlength_m = {length}\nwidth_m = 4\nrise_m = {rise}\n"
 
 
-def hall(folder: Path, slope: float) -> Path:
+def hall(folder: Path, slope: float, length_m: float = 12.0) -> Path:
     """Write a hall whose floor rises along x; return the path."""
     path = folder / f"hall{slope:g}.toml"
-    ramp = RAMP.format(x=0.0, length=12.0, rise=12.0 * slope) if slope else ""
+    ramp = RAMP.format(x=0.0, length=length_m, rise=length_m * slope) if slope else ""
     path.write_text(HALL + ramp)
     return path
 
@@ -108,7 +109,7 @@ def test_the_slope_changes_smoothly_over_the_wheel_base() -> None:
 @pytest.mark.parametrize("uphill", [True, False])
 def test_the_lidar_pitches_with_the_floor(tmp_path: Path, uphill: bool) -> None:
     yaw_deg, name = (0.0, "up") if uphill else (180.0, "down")
-    port = f"sim://{name}/lidar?world={hall(tmp_path, 0.06)}&lidar=ld19&yaw_deg={yaw_deg}"
+    port = f"sim://{name}/lidar?world={hall(tmp_path, 0.06, length_m=4.0)}&lidar=ld19&yaw_deg={yaw_deg}"
     lidar = open_lidar(LidarOptions(port=port, model="ld19"))
     lidar.wait_for_sample(1.0)
     scan = lidar.wait_for_sample(1.0)
@@ -116,9 +117,12 @@ def test_the_lidar_pitches_with_the_floor(tmp_path: Path, uphill: bool) -> None:
     turned_rad = np.abs(np.remainder(scan.angles_rad() + math.pi, math.tau) - math.pi)
     ahead_m = np.median(scan.ranges_m[turned_rad < 0.03])
     behind_m = np.median(scan.ranges_m[turned_rad > math.pi - 0.03])
-    floor_m = SPRINGS.lidar_height_m / 0.06
+    floor_m = 2.0 + SPRINGS.lidar_height_m / 0.06  # along the ramp, then down to the level floor behind it
+    floor_m += BASE_FROM_LASER.x_m if uphill else -BASE_FROM_LASER.x_m
     assert (behind_m if uphill else ahead_m) == pytest.approx(floor_m, rel=0.02)
     assert (ahead_m if uphill else behind_m) > 7.5  # the wall
+    beside_m = np.median(scan.ranges_m[np.abs(turned_rad - 0.5 * math.pi) < 0.03])
+    assert beside_m == pytest.approx(3.0, abs=0.1)
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
