@@ -19,6 +19,8 @@ def floor_range_m(rays: FloatArray, down: FloatArray, height_m: float, ramps_m: 
     `down`, shape (n,), per metre. `ramps_m` is as in `thumper_hil.world.ramps`; the floor along a ray rises
     as under the axles.
     """
+    if not len(ramps_m):
+        return np.where(down > PARALLEL, height_m / np.maximum(down, PARALLEL), np.inf)
     enters_m, leaves_m, slopes = _spans(rays, ramps_m)
     # The height of the ray above the floor is linear between the ends of the ramps.
     at_m = np.sort(np.vstack((np.zeros((1, len(rays))), enters_m, leaves_m)), axis=0)

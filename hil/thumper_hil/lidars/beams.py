@@ -94,9 +94,11 @@ class Beams:
             lost = np.zeros(ranges_m.size, np.bool_)
         pitch_rad = self.conditions.pitch_at(times_s) + self.conditions.tilt_rad
         rays, ramps_m = np.column_stack((x_m, y_m, angles_rad)), self.conditions.ramps_m
-        to_left = slope_toward(rays[:, :2], poses[:, 2] + 0.5 * np.pi, ramps_m)  # the body leans with it
         in_body_rad = mount.theta_rad + bearings_rad
-        down = np.tan(pitch_rad) * np.cos(in_body_rad) - to_left * np.sin(in_body_rad)
+        down = np.tan(pitch_rad) * np.cos(in_body_rad)
+        if len(ramps_m):  # the body leans with the floor
+            to_left = slope_toward(rays[:, :2], poses[:, 2] + 0.5 * np.pi, ramps_m)
+            down -= to_left * np.sin(in_body_rad)
         floor_m = floor_range_m(rays, down, SPRINGS.lidar_height_m, ramps_m)
         ranges_m = np.minimum(np.where(lost, np.inf, ranges_m), floor_m)
         ranges_m = mix_at_edges(ranges_m, self.range_max_m, effects.mixed_share, rng)
