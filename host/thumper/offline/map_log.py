@@ -65,7 +65,7 @@ class MappedLog:
     online: FloatArray  # the same as reported after each scan, shape (n, 3)
     updates: tuple[MapperUpdate, ...]
     grid: OccupancyGrid
-    counts: HitCounts
+    counts: Callable[[], HitCounts]  # of the map; large, so they are made when they are needed
     cpu_ms: FloatArray  # of each scan, shape (n,); without kernel compilation and file reading
     lost: int = 0  # number of scans with a lost pose
     lost_at_end: bool = False  # whether the pose of the last scan is lost
@@ -124,7 +124,7 @@ def map_records(
         online=online,
         updates=tuple(updates),
         grid=mapper.grid(),
-        counts=mapper.counts(),
+        counts=mapper.counts,
         cpu_ms=cpu_ms,
         lost=len(lost),
         lost_at_end=bool(lost) and lost[-1][0] == total,
@@ -255,7 +255,7 @@ def _write_map(
     x_m, y_m, theta_rad = (float(value) for value in mapped.poses[-1])
     # Whoever resumes from a session starts at its pose: a wrong one would spoil the map.
     end = None if mapped.lost_at_end else Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad)
-    save_session(SavedSlamState(counts=mapped.counts, map_from_base=end), session_path)
+    save_session(SavedSlamState(counts=mapped.counts(), map_from_base=end), session_path)
     _write_path(csv_path, log, mapped.online if online else mapped.poses)
     files = [pgm_path, yaml_path, session_path, png_path, csv_path]
     if online:

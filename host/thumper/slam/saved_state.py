@@ -17,6 +17,7 @@ import numpy as np
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import read_bytes, unreadable, write_whole
 from thumper.common.geometry import Pose2
+from thumper.common.resumable import bands_of
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import MAX_CELLS
 from thumper.slam.mapper import Mapper
@@ -49,7 +50,8 @@ def save_session(session: SavedSlamState, path: Path) -> Path:
     """
     counts, pose = session.counts, session.map_from_base
     compressor = zlib.compressobj(6)
-    payload = b"".join(compressor.compress(each.astype("<u2").data) for each in (counts.hits, counts.misses))
+    parts = (each[band] for each in (counts.hits, counts.misses) for band in bands_of(each.shape))
+    payload = b"".join(compressor.compress(part.astype("<u2").data) for part in parts)
     payload += compressor.flush()
     header: dict[str, Any] = {
         "thumper_session": VERSION,

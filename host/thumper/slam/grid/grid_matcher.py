@@ -98,7 +98,7 @@ class GridMatcher:
             points.ends_m.take(thinned, axis=0),
             self._to_corner(pose),
             self.grid.field,
-            self.grid.misses,
+            self.grid.cells,
             SCORE_STD_M,
         )
 

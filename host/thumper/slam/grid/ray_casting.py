@@ -59,12 +59,15 @@ def _moved(points_m: FloatArray, chosen: NDArray[np.int64], pose: FloatArray) ->
 
 
 @kernel
-def cast_rays(beams: GridBeams, start: int, every: int, mark: int, layer: LayerArray) -> CrossedArray:
+def cast_rays(
+    beams: GridBeams, start: int, every: int, mark: int, layer: LayerArray, first: tuple[int, int]
+) -> CrossedArray:
     """Return (row, column) of the cells crossed, shape (cells, 2), without the cells of the beams' ends.
 
     Only one beam in `every` is cast, from number `start` on. Cells that carry `mark` in the layer are
-    skipped; all others get it. Traversal: Amanatides and Woo, "A fast voxel traversal algorithm for ray
-    tracing", Eurographics 1987.
+    skipped; all others get it. The layer begins at the cell `first`, (row, column).
+
+    Traversal: Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.
     """
     origins, ends, kinds = beams.origins, beams.ends, beams.kinds
     room = 0
@@ -84,8 +87,8 @@ def cast_rays(beams: GridBeams, start: int, every: int, mark: int, layer: LayerA
         every_x = abs(1.0 / dx) if dx != 0.0 else math.inf
         every_y = abs(1.0 / dy) if dy != 0.0 else math.inf
         for _ in range(abs(end_row - row) + abs(end_col - col)):
-            if layer[row, col] != mark:
-                layer[row, col] = mark
+            if layer[row - first[0], col - first[1]] != mark:
+                layer[row - first[0], col - first[1]] = mark
                 crossed[n, 0], crossed[n, 1] = row, col
                 n += 1
             if next_x < next_y:

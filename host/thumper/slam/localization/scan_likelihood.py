@@ -11,7 +11,7 @@ from thumper.lidar.scan import Scan
 from thumper.slam.localization.amcl_kernels import BeamModel, scan_likelihoods
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
-from thumper.slam.scan_matching.beam_evidence import BeamEvidence, beam_evidence
+from thumper.slam.scan_matching.beam_evidence import BeamEvidence, KnownCells, beam_evidence
 from thumper.slam.scan_matching.gauss_newton import MatchWeights, PosePrior, match
 
 MAX_BEAMS = 60  # hits are thinned to about this many
@@ -109,5 +109,10 @@ class ScanLikelihood:
     def _evidence(self, pose: Pose2) -> BeamEvidence:
         start = self._map.to_corner(np.array([pose.x_m, pose.y_m, pose.theta_rad]))
         return beam_evidence(
-            self._origins_m, self._hits_m, start, self._map.field, self._map.known, self._options.beam_std_m
+            self._origins_m,
+            self._hits_m,
+            start,
+            self._map.field,
+            KnownCells(self._map.known),
+            self._options.beam_std_m,
         )

@@ -6,25 +6,17 @@ from thumper.common.geometry import FloatArray
 from thumper.lidar.deskew import ScanPoints
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.slam.grid.patch_distances import RELEASE, quantized_distances
 from thumper.slam.grid.ray_casting import GridBeams
-from thumper.slam.particle_filter.patch_distances import RELEASE, quantized_distances
+from thumper.slam.particle_filter.particle_patches import copy_tables, grow, render, render_occupancy
 from thumper.slam.particle_filter.patch_inserter import (
     PatchTables,
     PoseGroups,
     RayThinning,
     insert_into_all,
 )
-from thumper.slam.particle_filter.patches import (
-    FAR,
-    SIDE,
-    IndexArray,
-    copy_tables,
-    empty_pool,
-    grow,
-    render,
-    render_occupancy,
-)
 from thumper.slam.scan_matching.distance_field import DistanceField, insertion_rule
+from thumper.slam.scan_matching.patches import FAR, SIDE, IndexArray, empty_pool
 
 FIRST_PATCHES = 256
 SPARE_PATCHES = 256  # added beyond what is needed, so that the pool does not grow at each scan

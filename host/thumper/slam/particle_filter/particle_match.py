@@ -13,7 +13,6 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel, member
-from thumper.slam.particle_filter.patches import FAR, MASK, SIDE_BITS, IndexArray
 from thumper.slam.scan_matching.distance_field import ByteArray
 from thumper.slam.scan_matching.gauss_newton import (
     NormalEquations,
@@ -24,6 +23,7 @@ from thumper.slam.scan_matching.gauss_newton import (
     sample,
 )
 from thumper.slam.scan_matching.linalg3 import sample3, solve3
+from thumper.slam.scan_matching.patches import FAR, MASK, SIDE_BITS, IndexArray
 
 TINY = 1e-12
 MAX_STEP_CELLS, MAX_STEP_RAD = 6.0, 0.15  # of one Gauss-Newton step

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from thumper.common.numba_kernel import kernel
 from thumper.slam.grid.ray_casting import CrossedArray
 from thumper.slam.grid.scan_inserter import COUNT_MAX
-from thumper.slam.particle_filter.patches import SIDE, SIDE_BITS, IndexArray
 from thumper.slam.scan_matching.distance_field import ByteArray
+from thumper.slam.scan_matching.patches import SIDE, SIDE_BITS, IndexArray
 
 CROSSED, ENDED = 1, 2  # bits of a cell of the layer: a beam crossed it, a beam ended in it
 

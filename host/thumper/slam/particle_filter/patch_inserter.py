@@ -8,9 +8,9 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.lidar.deskew import HIT
+from thumper.slam.grid.patch_distances import add_obstacle, remove_obstacle
 from thumper.slam.grid.ray_casting import GridBeams, cast_rays
 from thumper.slam.grid.scan_inserter import COUNT_MAX, observe
-from thumper.slam.particle_filter.patch_distances import add_obstacle, remove_obstacle
 from thumper.slam.particle_filter.patch_free_space import (
     CROSSED,
     ENDED,
@@ -22,7 +22,8 @@ from thumper.slam.particle_filter.patch_free_space import (
     hit_and_crossed,
     neighbours,
 )
-from thumper.slam.particle_filter.patches import (
+from thumper.slam.scan_matching.distance_field import ByteArray, InsertionRule, is_occupied
+from thumper.slam.scan_matching.patches import (
     MASK,
     SIDE,
     SIDE_BITS,
@@ -30,7 +31,6 @@ from thumper.slam.particle_filter.patches import (
     Pool,
     writable,
 )
-from thumper.slam.scan_matching.distance_field import ByteArray, InsertionRule, is_occupied
 
 
 class PatchTables(NamedTuple):
@@ -205,7 +205,9 @@ def insert_into_all(
             clear(mask.patches, layer)
             _transform(beams.origins, centre, moved.origins)
             _transform(beams.ends, centre, moved.ends)
-            mask = free_space_mask(cast_rays(moved, thinning.start, thinning.every, CROSSED, layer), layer)
+            mask = free_space_mask(
+                cast_rays(moved, thinning.start, thinning.every, CROSSED, layer, (0, 0)), layer
+            )
             # A particle's own hits are off by a cell at most, and what is near them by less than a patch.
             _cells_at(hit_ends, centre, cells)
             writes = neighbours(mask.patches, cells, tables.shape[1], tables.shape[2])

@@ -5,8 +5,8 @@ from array import array
 import numpy as np
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper.slam.particle_filter.patches import IndexArray
 from thumper.slam.pose_arrays import compose_rows
+from thumper.slam.scan_matching.patches import IndexArray
 
 FOLD_EVERY = 64  # steps
 

@@ -218,7 +218,7 @@ class LoopSearch:
 def _search_field(grid: HitGrid) -> Search[SearchField]:
     """Return the field of every second cell or so: finer than the likelihood is wide."""
     step = max(1, round(SEARCH_CELL_M / grid.resolution_m))
-    distance_m, cell_m = np.ascontiguousarray(grid.distance_m[::step, ::step]), step * grid.resolution_m
+    distance_m, cell_m = grid.distances_m(step), step * grid.resolution_m
     x_m, y_m = grid.corner_m
     shift_m = 0.5 * (cell_m - grid.resolution_m)  # a large cell takes the distance of its first small one
     return SearchField.search(

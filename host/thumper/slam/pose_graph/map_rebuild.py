@@ -24,7 +24,7 @@ class MapRebuild:
 
     def insert_part(self, submaps: SubmapGraph) -> bool:
         """Insert some more scans, one at least, and return whether the map is complete."""
-        if not self.hit_grid.hits.size and not self._reservation.is_running:
+        if not self.hit_grid.shape[0] and not self._reservation.is_running:
             low_m, high_m = submaps.bounds_m(self.room_for or self.chosen, self.range_m)
             self._reservation.start(self.hit_grid.reserve(low_m - self.margin_m, high_m + self.margin_m))
         if self._reservation.is_running:

@@ -10,7 +10,7 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
-from thumper.slam.scan_matching.distance_field import DistanceField
+from thumper.slam.scan_matching.distance_field import MetricField, distance_at, field_shape
 from thumper.slam.scan_matching.gauss_newton import score
 
 
@@ -25,14 +25,14 @@ class SearchWindow(NamedTuple):
 
 @kernel
 def correlative_search(
-    points_m: FloatArray, centre: FloatArray, window: SearchWindow, field: DistanceField, std_m: float
+    points_m: FloatArray, centre: FloatArray, window: SearchWindow, field: MetricField, std_m: float
 ) -> FloatArray:
     """Return the pose (x, y, theta) of the best mean likelihood in the window around `centre`, shape (3,).
 
     A pose at the edge of the window must explain 0.1 more of the beams than the centre: the penalty grows
     with the square of the offset.
     """
-    distance_m, resolution_m, step_m = field.distance_m, field.resolution_m, window.step_m
+    (rows, cols), resolution_m, step_m = field_shape(field), field.resolution_m, window.step_m
     n_xy = math.ceil(window.half_m / step_m)
     n_theta = math.ceil(window.half_rad / window.step_rad)
     rotated = np.empty_like(points_m)
@@ -49,8 +49,8 @@ def correlative_search(
                 for i in range(points_m.shape[0]):
                     col = math.floor(rotated[i, 0] + dx * step_m / resolution_m)
                     row = math.floor(rotated[i, 1] + dy * step_m / resolution_m)
-                    if 0 <= col < distance_m.shape[1] and 0 <= row < distance_m.shape[0]:
-                        d_m = distance_m[row, col]
+                    if 0 <= col < cols and 0 <= row < rows:
+                        d_m = distance_at(field, row, col)
                         if d_m < field.max_distance_m:
                             total += math.exp(-0.5 * (d_m / std_m) ** 2)
                 offset = (dx * dx + dy * dy) / (n_xy * n_xy) + k * k / max(1, n_theta * n_theta)
@@ -64,7 +64,7 @@ def correlative_search(
 
 @kernel
 def heading_search(
-    points_m: FloatArray, centre: FloatArray, window: SearchWindow, field: DistanceField, std_m: float
+    points_m: FloatArray, centre: FloatArray, window: SearchWindow, field: MetricField, std_m: float
 ) -> FloatArray:
     """Return the pose of the best mean likelihood among headings around `centre`, shape (3,).
 

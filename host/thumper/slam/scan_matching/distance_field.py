@@ -4,30 +4,70 @@ The score of a beam is then one table look-up, and an update costs only where a 
 that of Lau, Sprunk, Burgard, "Improved updating of Euclidean distance maps and Voronoi diagrams", IROS 2010.
 Here the distance is bounded, so a plain window replaces their wave front.
 
-Distances are measured between cell centres and cut off at the largest distance. `GridMapper` keeps them in
-metres, in one array. The particle filter keeps them as bytes, in patches. Both update them block by block
-with the kernels below.
+Distances are measured between cell centres and cut off at the largest distance. Both mappers keep them in
+patches (`patches.py`): `GridMapper` as squares, which are exact, and the particle filter quantized. Both
+update them block by block with the kernels below. A finished map has them in metres, in one array.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thumper.common.numba_kernel import kernel
+from thumper.common.numba_kernel import kernel, member
 
 FieldArray = NDArray[np.float32]
 ByteArray = NDArray[np.uint8]
 CountArray = NDArray[np.uint8]
-LevelArray = FieldArray | ByteArray  # distances [m], or quantized ones; 0 on an occupied cell
+# Distances [m], quantized ones, or squares in cells; 0 on an occupied cell.
+LevelArray = FieldArray | ByteArray | NDArray[np.uint16]
+
+
+class MetricField(Protocol):
+    """A distance field to match against: `distance_at` and `field_shape` have a member for its kind."""
+
+    @property
+    def resolution_m(self) -> float:
+        """Side of a cell."""
+        ...
+
+    @property
+    def max_distance_m(self) -> float:
+        """Cut-off: cells at this distance have nothing near them."""
+        ...
 
 
 class DistanceField(NamedTuple):
-    """A distance field to match against. Numba passes a named tuple of arrays as it is."""
+    """A distance field in one array. Numba passes a named tuple of arrays as it is."""
 
     distance_m: FieldArray  # shape (rows, columns)
     resolution_m: float
-    max_distance_m: float  # cut-off: cells at this distance have nothing near them
+    max_distance_m: float
+
+
+def distance_at(field: object, row: int, col: int) -> float:
+    """Return the distance at a cell of the field [m]. A generic function of kernels, as are the two below."""
+    raise NotImplementedError
+
+
+def is_known(known: object, row: int, col: int) -> bool:
+    """Return whether a beam has crossed the cell."""
+    raise NotImplementedError
+
+
+def field_shape(field: object) -> tuple[int, int]:
+    """Return the number of rows and columns."""
+    raise NotImplementedError
+
+
+@member(distance_at, DistanceField)
+def _distance_in_array(field: DistanceField, row: int, col: int) -> float:
+    return field.distance_m[row, col]  # type: ignore[no-any-return]
+
+
+@member(field_shape, DistanceField)
+def _shape_of_array(field: DistanceField) -> tuple[int, int]:
+    return field.distance_m.shape
 
 
 class InsertionRule(NamedTuple):
@@ -68,43 +108,6 @@ def metric_distances(max_distance_cells: int, resolution_m: float) -> FieldArray
 def is_occupied(hits: int, misses: int, occupied_fraction: float) -> bool:
     """Return whether enough of the beams that reached the cell ended in it."""
     return hits > 0 and hits >= occupied_fraction * (hits + misses)
-
-
-@kernel
-def add_obstacle(row: int, col: int, distance: LevelArray, rule: InsertionRule) -> None:
-    """Lower the distances, shape (rows, columns), around a cell that became occupied."""
-    reach = rule.max_distance_cells
-    top, left = max(0, row - reach), max(0, col - reach)
-    near = distance[top : row + reach + 1, left : col + reach + 1]
-    lower_to_stencil(near, rule.stencil[top - row + reach :, left - col + reach :])
-
-
-@kernel
-def add_obstacles(cells: NDArray[np.int64], distance: LevelArray, rule: InsertionRule) -> None:
-    """Lower the distances around cells (row, column), shape (n, 2), that are occupied."""
-    for i in range(len(cells)):
-        add_obstacle(cells[i, 0], cells[i, 1], distance, rule)
-
-
-@kernel
-def remove_obstacle(row: int, col: int, distance: LevelArray, rule: InsertionRule) -> None:
-    """Recompute the distances, shape (rows, columns), around a cell that became free."""
-    if distance.size == 0:
-        return
-    reach, far = rule.max_distance_cells, rule.levels[-1]
-    distance[row, col] = far
-    lost = lost_cells(reach)
-    top, left = max(0, row - reach), max(0, col - reach)
-    near = distance[top : row + reach + 1, left : col + reach + 1]
-    around = rule.stencil[top - row + reach :, left - col + reach :]
-    lost.rows[0], lost.cols[0] = row, col
-    n = list_lost_cells(near, around, far, (top, left), lost, 1)
-    lost = LostCells(lost.rows[:n], lost.cols[:n], lost.squared[:n])
-    top, bottom, left, right = search_box(lost, reach)
-    top, left = max(0, top), max(0, left)
-    lower_to_obstacles(distance[top : bottom + 1, left : right + 1], (top, left), lost)
-    for i in range(n):
-        distance[int(lost.rows[i]), int(lost.cols[i])] = rule.levels[int(lost.squared[i])]
 
 
 @kernel

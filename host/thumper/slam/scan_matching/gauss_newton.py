@@ -15,8 +15,14 @@ from annotated_types import Ge, Gt
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.numba_kernel import kernel, member
 from thumper.slam.scan_matching.degeneracy import weakest_direction
-from thumper.slam.scan_matching.distance_field import DistanceField, FieldArray
+from thumper.slam.scan_matching.distance_field import (
+    DistanceField,
+    MetricField,
+    distance_at,
+    field_shape,
+)
 from thumper.slam.scan_matching.linalg3 import inverse3, solve3
+from thumper.slam.scan_matching.patch_grid import PatchField
 
 MIN_HITS = 10  # a scan with fewer hits cannot fix three unknowns against noise
 OUTLIER_M = 0.15  # distance at which a beam's Cauchy weight has fallen to one half
@@ -119,21 +125,20 @@ def bilinear(
 
 
 @kernel
-def interpolate(
-    distance_m: FieldArray, col: float, row: float, outside_m: float
-) -> tuple[float, float, float]:
+def interpolate(field: MetricField, col: float, row: float) -> tuple[float, float, float]:
     """Return distance [m] and slopes along columns and rows [m/cell] at a point in cells (centres at .5)."""
+    rows, cols = field_shape(field)
     u, v = col - 0.5, row - 0.5
     c, r = math.floor(u), math.floor(v)
-    if c < 0 or r < 0 or c + 1 >= distance_m.shape[1] or r + 1 >= distance_m.shape[0]:
-        return outside_m, 0.0, 0.0
-    d00, d01 = float(distance_m[r, c]), float(distance_m[r, c + 1])
-    d10, d11 = float(distance_m[r + 1, c]), float(distance_m[r + 1, c + 1])
+    if c < 0 or r < 0 or c + 1 >= cols or r + 1 >= rows:
+        return field.max_distance_m, 0.0, 0.0
+    d00, d01 = float(distance_at(field, r, c)), float(distance_at(field, r, c + 1))
+    d10, d11 = float(distance_at(field, r + 1, c)), float(distance_at(field, r + 1, c + 1))
     return bilinear(d00, d01, d10, d11, u - c, v - r)
 
 
 @kernel
-def score(points_m: FloatArray, pose: FloatArray, field: DistanceField, std_m: float) -> float:
+def score(points_m: FloatArray, pose: FloatArray, field: MetricField, std_m: float) -> float:
     """Return the mean of exp(-d^2 / 2 std^2) over the points, 0...1.
 
     `pose` (x, y, theta) is in metres from the array's corner.
@@ -143,9 +148,7 @@ def score(points_m: FloatArray, pose: FloatArray, field: DistanceField, std_m: f
     for i in range(points_m.shape[0]):
         x_m = pose[0] + cos * points_m[i, 0] - sin * points_m[i, 1]
         y_m = pose[1] + sin * points_m[i, 0] + cos * points_m[i, 1]
-        d_m, _, _ = interpolate(
-            field.distance_m, x_m / resolution_m, y_m / resolution_m, field.max_distance_m
-        )
+        d_m, _, _ = interpolate(field, x_m / resolution_m, y_m / resolution_m)
         if d_m < field.max_distance_m:
             total += math.exp(-0.5 * (d_m / std_m) ** 2)
     return float(total / points_m.shape[0])
@@ -190,10 +193,11 @@ def sample(field: object, x: float, y: float) -> tuple[float, float, float]:
     raise NotImplementedError
 
 
+@member(sample, PatchField)
 @member(sample, DistanceField)
-def _sample_metres(field: DistanceField, x: float, y: float) -> tuple[float, float, float]:
+def _sample_metres(field: MetricField, x: float, y: float) -> tuple[float, float, float]:
     cells_per_m = 1.0 / field.resolution_m
-    d_m, du, dv = interpolate(field.distance_m, x * cells_per_m, y * cells_per_m, field.max_distance_m)
+    d_m, du, dv = interpolate(field, x * cells_per_m, y * cells_per_m)
     if d_m >= field.max_distance_m:
         return d_m, 0.0, 0.0
     return d_m, du * cells_per_m, dv * cells_per_m
@@ -235,7 +239,7 @@ def normal_equations(
     points_m: FloatArray,
     pose: FloatArray,
     prior: PosePrior,
-    field: DistanceField,
+    field: MetricField,
     weights: MatchWeights,
     system: NormalEquations,
 ) -> float:
@@ -246,7 +250,7 @@ def normal_equations(
 
 @kernel
 def beam_information(
-    points_m: FloatArray, pose: FloatArray, field: DistanceField, weights: MatchWeights
+    points_m: FloatArray, pose: FloatArray, field: MetricField, weights: MatchWeights
 ) -> FloatArray:
     """Return the information of the beams alone at the pose (inverse covariance), shape (3, 3)."""
     system = NormalEquations(np.zeros((3, 3)), np.zeros(3))
@@ -257,7 +261,7 @@ def beam_information(
 
 @kernel
 def match(
-    points_m: FloatArray, start: FloatArray, prior: PosePrior, field: DistanceField, weights: MatchWeights
+    points_m: FloatArray, start: FloatArray, prior: PosePrior, field: MetricField, weights: MatchWeights
 ) -> FloatArray:
     """Return the pose (x, y, theta), shape (3,), of least cost near `start`.
 

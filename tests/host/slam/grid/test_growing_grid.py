@@ -3,10 +3,12 @@
 import math
 
 import numpy as np
+from benchmarks.shared.distances import distance_from_scratch
 
 from thumper.common.geometry import Pose2
 from thumper.lidar.deskew import HIT, ScanPoints
 from thumper.slam.grid.growing_grid import GROWTH, HitGrid
+from thumper.slam.scan_matching.patches import SIDE
 
 
 def circle(radius_m: float) -> ScanPoints:
@@ -20,7 +22,7 @@ def driven(grid: HitGrid, way_m: float = 40.0) -> int:
     shapes = set()
     for x_m in np.arange(0.0, way_m, 0.5):
         grid.insert(Pose2(x_m=float(x_m)), circle(6.0))
-        shapes.add(grid.hits.shape)
+        shapes.add(grid.shape)
     return len(shapes) - 1
 
 
@@ -31,14 +33,24 @@ def test_reserved_grid_does_not_grow_and_holds_the_same_map() -> None:
     assert driven(grown) > 1
     assert driven(reserved) == 0
     row, col = np.round((np.array(reserved.corner_m) - grown.corner_m) / 0.05).astype(int)[::-1]
-    rows, cols = reserved.hits.shape
+    rows, cols = reserved.shape
     for name in ("hits", "misses", "distance_m"):
         same = getattr(grown, name)[row : row + rows, col : col + cols]
         np.testing.assert_array_equal(getattr(reserved, name)[: same.shape[0], : same.shape[1]], same)
-    np.testing.assert_array_equal(reserved.distance_m, reserved.distance_from_scratch())
+    np.testing.assert_array_equal(reserved.distance_m, distance_from_scratch(reserved))
 
 
 def test_growth_is_seldom_and_proportional() -> None:
-    """Each growth copies the whole map: 400 m of way may not cost 125 copies, one for each 64 cells."""
+    """Each growth renders the whole map: 400 m of way may not cost 125 renders, one for each 64 cells."""
     grid = HitGrid(0.05, 0.5, 0.25)
     assert driven(grid, 400.0) < 2 + math.log(8000 / 300) / math.log(1.0 + GROWTH)
+
+
+def test_memory_follows_the_ground_that_beams_have_crossed() -> None:
+    """A drive along the diagonal of a square kilometre."""
+    grid = HitGrid(0.05, 0.5, 0.25)
+    for k_m in range(0, 1000, 4):
+        grid.insert(Pose2(x_m=k_m, y_m=k_m), circle(6.0))
+    assert min(grid.shape) > 20_000
+    patches = np.count_nonzero(grid.cells.table)
+    assert patches * SIDE**2 < 0.03 * math.prod(grid.shape)

@@ -13,13 +13,14 @@ from thumper.maps.occupancy_grid import OCCUPIED
 from thumper.slam.factory import MappingOptions, Method, make_mapper
 from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.grid.options import GridMapperOptions
+from thumper.slam.grid.patch_distances import RELEASE, quantized_distances
 from thumper.slam.grid.scan_inserter import COUNT_MAX
 from thumper.slam.particle_filter.options import RbpfOptions
 from thumper.slam.particle_filter.particle_maps import SPARE_PATCHES
-from thumper.slam.particle_filter.patch_distances import RELEASE, quantized_distances
+from thumper.slam.particle_filter.particle_patches import copy_tables, grow, render
 from thumper.slam.particle_filter.patch_free_space import count_misses
-from thumper.slam.particle_filter.patches import FAR, copy_tables, empty_pool, grow, render, writable
 from thumper.slam.particle_filter.rbpf_mapper import RbpfMapper
+from thumper.slam.scan_matching.patches import FAR, empty_pool, writable
 from thumper_hil.world.world import World
 
 
@@ -52,8 +53,9 @@ def test_grown_pool_keeps_its_patches() -> None:
     assert (pool.misses[patch] == 5).all()
     assert len(set(pool.free[:3].tolist())) == 3
     assert patch not in pool.free[:3]
-    assert (pool.distance[pool.free[:3]] == FAR).all()
     assert (pool.hits[pool.free[:3]] == 0).all()
+    table[:] = 0
+    assert (pool.distance[writable(table, 0, 0, pool)] == FAR).all()
 
 
 def test_counting_eight_misses_at_once_equals_one_by_one() -> None:

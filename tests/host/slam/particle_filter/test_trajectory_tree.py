@@ -8,10 +8,10 @@ import pytest
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.deskew import HIT, ScanPoints
 from thumper.slam.grid.growing_grid import HitGrid
-from thumper.slam.particle_filter.patches import IndexArray
 from thumper.slam.particle_filter.trajectory_tree import FOLD_EVERY, TrajectoryTree
 from thumper.slam.pose_graph import submaps
 from thumper.slam.pose_graph.submaps import SubmapGraph
+from thumper.slam.scan_matching.patches import IndexArray
 
 PARTICLES = 8
 

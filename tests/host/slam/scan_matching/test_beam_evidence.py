@@ -1,14 +1,10 @@
 import math
 
 import numpy as np
+from benchmarks.shared.distances import squared_distances_of
 
-from thumper.slam.scan_matching.beam_evidence import WALL_MARGIN_M, beam_evidence
-from thumper.slam.scan_matching.distance_field import (
-    DistanceField,
-    add_obstacles,
-    insertion_rule,
-    metric_distances,
-)
+from thumper.slam.scan_matching.beam_evidence import WALL_MARGIN_M, KnownCells, beam_evidence
+from thumper.slam.scan_matching.distance_field import DistanceField
 
 SIDE, CELL_M, REACH_CELLS = 120, 0.05, 10
 STD_M = 0.1
@@ -16,8 +12,10 @@ STD_M = 0.1
 
 def field_around(walls: np.ndarray) -> DistanceField:
     cut_off_m = REACH_CELLS * CELL_M
-    distance_m = np.full((SIDE, SIDE), cut_off_m, np.float32)
-    add_obstacles(walls, distance_m, insertion_rule(metric_distances(REACH_CELLS, CELL_M), REACH_CELLS, 0.25))
+    occupied = np.zeros((SIDE, SIDE), bool)
+    occupied[tuple(walls.T)] = True
+    cells = np.sqrt(squared_distances_of(occupied).astype(float))
+    distance_m = np.minimum(CELL_M * cells, cut_off_m).astype(np.float32)
     return DistanceField(distance_m, CELL_M, cut_off_m)
 
 
@@ -38,7 +36,7 @@ def test_evidence_equals_that_of_a_look_at_each_step() -> None:
         field = field_around(rng.integers(0, SIDE, (count, 2)))
         known = rng.random((SIDE, SIDE)) < 0.5
         origins_m, ends_m = rng.uniform(-1.0, SIDE * CELL_M + 1.0, (2, n, 2))
-        found = beam_evidence(origins_m, ends_m, np.zeros(3), field, known, STD_M)
+        found = beam_evidence(origins_m, ends_m, np.zeros(3), field, KnownCells(known), STD_M)
 
         passes = np.array([passes_step_by_step(*beam, field) for beam in zip(origins_m, ends_m, strict=True)])
         cols, rows = np.floor(ends_m / CELL_M).astype(int).T
@@ -58,6 +56,6 @@ def test_evidence_equals_that_of_a_look_at_each_step() -> None:
 
 def test_no_beam_says_nothing() -> None:
     no_beams = np.zeros((0, 2))
-    field = field_around(np.zeros((0, 2), np.int64))
-    found = beam_evidence(no_beams, no_beams, np.zeros(3), field, np.zeros((SIDE, SIDE), bool), STD_M)
+    field, nowhere = field_around(np.zeros((0, 2), np.int64)), KnownCells(np.zeros((SIDE, SIDE), bool))
+    found = beam_evidence(no_beams, no_beams, np.zeros(3), field, nowhere, STD_M)
     assert (found.explained, found.fit, found.contradicting_share) == (0.0, 0.0, 0.0)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from benchmarks.shared.distances import distance_from_scratch
 from benchmarks.shared.rooms import room_scan
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,6 +13,7 @@ from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.deskew import HIT, INVALID, MISS, ScanPoints, scan_points
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.scan_matching.correlative import SearchWindow, correlative_search
+from thumper.slam.scan_matching.distance_field import DistanceField
 from thumper.slam.scan_matching.gauss_newton import (
     MatchOptions,
     MatchWeights,
@@ -21,6 +23,7 @@ from thumper.slam.scan_matching.gauss_newton import (
     interpolate,
     match,
     normal_equations,
+    score,
 )
 
 TRUTH = Pose2(x_m=0.4, y_m=0.3, theta_rad=0.25)
@@ -127,7 +130,7 @@ def test_costs_are_the_sums_over_all_beams() -> None:
 
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     ends = (points_m @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]) / GRID.resolution_m
-    off_m = np.array([interpolate(GRID.distance_m, x, y, GRID.max_distance_m)[0] for x, y in ends])
+    off_m = np.array([interpolate(GRID.field, x, y)[0] for x, y in ends])
     relative = (off_m / 0.15) ** 2
     assert np.log10(1.0 + relative).sum() > 308
     assert cauchy == pytest.approx(0.5 * (0.15 / 0.05) ** 2 * np.log(1.0 + relative).sum())
@@ -135,11 +138,22 @@ def test_costs_are_the_sums_over_all_beams() -> None:
 
 
 def test_interpolation_is_exact_at_cell_centres() -> None:
-    field = np.array([[0.0, 1.0], [2.0, 5.0]], dtype=np.float32)
-    assert interpolate(field, 0.5, 0.5, 9.0)[0] == 0.0
-    assert interpolate(field, 1.0, 1.0, 9.0)[0] == pytest.approx(2.0)
-    assert interpolate(field, 0.4, 1.0, 9.0) == (9.0, 0.0, 0.0)
-    assert interpolate(field, 30.0, 1.0, 9.0) == (9.0, 0.0, 0.0)
+    field = DistanceField(np.array([[0.0, 1.0], [2.0, 5.0]], dtype=np.float32), 1.0, 9.0)
+    assert interpolate(field, 0.5, 0.5)[0] == 0.0
+    assert interpolate(field, 1.0, 1.0)[0] == pytest.approx(2.0)
+    assert interpolate(field, 0.4, 1.0) == (9.0, 0.0, 0.0)
+    assert interpolate(field, 30.0, 1.0) == (9.0, 0.0, 0.0)
+
+
+def test_match_in_patches_equals_that_in_one_array() -> None:
+    """Distances are exact in both, so all digits of the poses are the same."""
+    field = DistanceField(GRID.distance_m, GRID.resolution_m, GRID.max_distance_m)
+    for turn_rad in (-0.1, 0.0, 0.15):
+        start = to_corner(Pose2(x_m=TRUTH.x_m + 0.1, y_m=TRUTH.y_m, theta_rad=TRUTH.theta_rad + turn_rad))
+        prior = PosePrior(start, NO_PRIOR)
+        found = match(HITS_M, start, prior, GRID.field, WEIGHTS)
+        np.testing.assert_array_equal(found, match(HITS_M, start, prior, field, WEIGHTS))
+        assert score(HITS_M, found, GRID.field, 0.1) == score(HITS_M, found, field, 0.1)
 
 
 @given(
@@ -154,7 +168,7 @@ def test_updated_distances_equal_distances_from_scratch(poses: list[tuple[float,
     for x_m, y_m, theta_rad in poses:
         points = scan_points(room_scan(Pose2(), beams=90, step_rad=math.tau / 90), Twist2(), Pose2(), 10.0)
         grid.insert(Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad), points)
-    np.testing.assert_array_equal(grid.distance_m, grid.distance_from_scratch())
+    np.testing.assert_array_equal(grid.distance_m, distance_from_scratch(grid))
 
 
 def test_old_obstacle_is_cleared_in_bounded_time() -> None:
@@ -171,7 +185,7 @@ def test_old_obstacle_is_cleared_in_bounded_time() -> None:
         grid.insert(Pose2(), ScanPoints(**beam, kinds=np.array([MISS], dtype=np.uint8)))
         scans += 1
     assert 3 < scans <= CLEARED_AFTER
-    np.testing.assert_array_equal(grid.distance_m, grid.distance_from_scratch())
+    np.testing.assert_array_equal(grid.distance_m, distance_from_scratch(grid))
 
 
 def test_beams_are_classified() -> None:

@@ -1,9 +1,9 @@
 """The distance field of patched maps: the blocks of `distance_field`, one for each patch."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thumper.common.numba_kernel import kernel
-from thumper.slam.particle_filter.patches import FAR, MASK, SIDE, SIDE_BITS, IndexArray, Pool, writable
 from thumper.slam.scan_matching.distance_field import (
     ByteArray,
     InsertionRule,
@@ -14,10 +14,17 @@ from thumper.slam.scan_matching.distance_field import (
     lower_to_stencil,
     search_box,
 )
+from thumper.slam.scan_matching.patches import FAR, MASK, SIDE, SIDE_BITS, IndexArray, Pool, writable
 
 # An occupied cell becomes free below this part of `occupied_fraction`. With one limit for both, its edge
 # would flicker.
 RELEASE = 0.7
+
+
+def squared_distances(max_distance_cells: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Return the table from squared distance in cells to the same, cut off at the largest distance."""
+    most = max_distance_cells * max_distance_cells
+    return np.minimum(np.arange(2 * most + 1), most).astype(np.min_scalar_type(most))
 
 
 def quantized_distances(max_distance_cells: int) -> ByteArray:
@@ -44,12 +51,13 @@ def add_obstacle(row: int, col: int, table: IndexArray, pool: Pool, rule: Insert
 def remove_obstacle(row: int, col: int, table: IndexArray, pool: Pool, rule: InsertionRule) -> None:
     """Recompute the distances around a cell that became free."""
     patch = writable(table, row >> SIDE_BITS, col >> SIDE_BITS, pool)
-    pool.distance[patch, row & MASK, col & MASK] = FAR
+    pool.distance[patch, row & MASK, col & MASK] = rule.levels[-1]
     lost = _list_lost_cells(row, col, table, pool, rule)
     top, bottom, left, right = search_box(lost, rule.max_distance_cells)
-    for pr in range(top >> SIDE_BITS, (bottom >> SIDE_BITS) + 1):
+    rows, cols = table.shape
+    for pr in range(max(0, top >> SIDE_BITS), min(rows, (bottom >> SIDE_BITS) + 1)):
         first, last = max(top - pr * SIDE, 0), min(bottom + 1 - pr * SIDE, SIDE)
-        for pc in range(left >> SIDE_BITS, (right >> SIDE_BITS) + 1):
+        for pc in range(max(0, left >> SIDE_BITS), min(cols, (right >> SIDE_BITS) + 1)):
             # All columns of the patch: obstacles further away change nothing, and whole rows are faster.
             block = pool.distance[table[pr, pc]][first:last]
             lower_to_obstacles(block, (pr * SIDE + first, pc * SIDE), lost)
@@ -72,7 +80,7 @@ def _list_lost_cells(row: int, col: int, table: IndexArray, pool: Pool, rule: In
             near = patch[top - pr * SIDE : bottom - pr * SIDE, left - pc * SIDE : right - pc * SIDE]
             around = rule.stencil[top - row + reach :, left - col + reach :]
             before = n
-            n = list_lost_cells(near, around, FAR, (top, left), lost, n)
+            n = list_lost_cells(near, around, rule.levels[-1], (top, left), lost, n)
             if n > before:
                 writable(table, pr, pc, pool)
     return LostCells(lost.rows[:n], lost.cols[:n], lost.squared[:n])

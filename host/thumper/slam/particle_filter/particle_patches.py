@@ -1,51 +1,11 @@
-"""Maps of many particles as square patches, shared until one of their owners writes (copy on write).
-
-A particle's map is a table of patch numbers. Copying a particle copies its table and adds one reference to
-each patch. A patch with more than one reference is duplicated when it is written. Patch 0 is unknown space:
-it is never written and belongs to all particles.
-"""
-
-from typing import NamedTuple
+"""What only maps of many particles do with their patches: share, copy and draw them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thumper.common.numba_kernel import kernel
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, CellArray
 from thumper.slam.scan_matching.distance_field import ByteArray
-
-SIDE_BITS = 5
-SIDE = 1 << SIDE_BITS  # cells along a patch; a power of two, so that indices split by shift and mask
-MASK = SIDE - 1
-FAR = 255  # quantized distance: no occupied cell within the largest distance
-
-IndexArray = NDArray[np.int32]
-
-
-class Pool(NamedTuple):
-    """All patches of all particles. Numba passes a named tuple of arrays as it is."""
-
-    hits: ByteArray  # shape (patches, SIDE, SIDE)
-    misses: ByteArray
-    distance: ByteArray  # to the nearest occupied cell, 0...254 up to the largest distance, or FAR
-    references: IndexArray  # shape (patches,)
-    has_hits: ByteArray  # whether any of the hits is not 0, shape (patches,)
-    free: IndexArray  # a stack of free patch numbers, of which the first `free_count[0]` are valid
-    free_count: IndexArray  # shape (1,)
-
-
-def empty_pool(patches: int) -> Pool:
-    """Return a pool with `patches` free patches, and patch 0."""
-    shape = (patches + 1, SIDE, SIDE)
-    return Pool(
-        hits=np.zeros(shape, dtype=np.uint8),
-        misses=np.zeros(shape, dtype=np.uint8),
-        distance=np.full(shape, FAR, dtype=np.uint8),
-        references=np.zeros(patches + 1, dtype=np.int32),
-        has_hits=np.zeros(patches + 1, dtype=np.uint8),
-        free=np.arange(patches, -1, -1, dtype=np.int32),  # the last entry, 0, is beyond the stack's top
-        free_count=np.array([patches], dtype=np.int32),
-    )
+from thumper.slam.scan_matching.patches import SIDE, IndexArray, Pool
 
 
 def grow(pool: Pool, extra: int) -> None:
@@ -55,31 +15,12 @@ def grow(pool: Pool, extra: int) -> None:
     """
     before, free = pool.references.size, int(pool.free_count[0])
     for patches in (pool.hits, pool.misses, pool.distance):
-        patches.resize((before + extra, SIDE, SIDE), refcheck=False)
-    pool.distance[before:] = FAR
+        patches.resize((before + extra, *patches.shape[1:]), refcheck=False)
     pool.references.resize(before + extra, refcheck=False)
     pool.has_hits.resize(before + extra, refcheck=False)
     pool.free.resize(before + extra, refcheck=False)
     pool.free[free : free + extra] = np.arange(before + extra - 1, before - 1, -1)
     pool.free_count[0] += extra
-
-
-@kernel
-def writable(table: IndexArray, patch_row: int, patch_col: int, pool: Pool) -> int:
-    """Return the number of the patch at this position, which from now on belongs to this table alone."""
-    old = table[patch_row, patch_col]
-    if old != 0 and pool.references[old] == 1:
-        return int(old)
-    pool.free_count[0] -= 1
-    new = pool.free[pool.free_count[0]]
-    pool.hits[new] = pool.hits[old]
-    pool.misses[new] = pool.misses[old]
-    pool.distance[new] = pool.distance[old]
-    pool.references[new], pool.has_hits[new] = 1, pool.has_hits[old]
-    if old != 0:
-        pool.references[old] -= 1
-    table[patch_row, patch_col] = new
-    return int(new)
 
 
 @kernel
