@@ -3,8 +3,9 @@
 from thumper_hil.bench.bench import DEFAULT_ELF, Bench
 from thumper_hil.bench.registry import simulation
 from thumper_hil.chip.native_library import LIBRARY
+from thumper_hil.world.world_file import world_names
 
-__all__ = ["DEFAULT_ELF", "Bench", "missing_parts", "simulation"]
+__all__ = ["DEFAULT_ELF", "Bench", "missing_parts", "simulation", "urls"]
 
 
 def missing_parts() -> str:
@@ -13,3 +14,8 @@ def missing_parts() -> str:
         if not path.exists():
             return f"{path.name} is not built; run `make {target}` in the repository"
     return ""
+
+
+def urls() -> list[str]:
+    """Return the URL of each built-in world."""
+    return [f"sim://?world={name}" for name in world_names()]

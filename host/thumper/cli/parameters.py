@@ -12,10 +12,21 @@ if TYPE_CHECKING:
 ReplyT = TypeVar("ReplyT")
 
 
+def _assignments(incomplete: str) -> list[str]:
+    """Return what Tab offers: the names of all parameters."""
+    from thumper.board.messages import PARAMETERS
+
+    return [f"{spec.name}=" for spec in PARAMETERS if spec.name.startswith(incomplete)]
+
+
 def parameters(
     words: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAME=VALUE ...", help="What to set, such as kp=6.1; nothing: show all."),
+        typer.Argument(
+            metavar="NAME=VALUE ...",
+            help="What to set, such as kp=6.1; nothing: show all.",
+            autocompletion=_assignments,
+        ),
     ] = None,
     board: BoardPort = "",
     config: ConfigFile = None,

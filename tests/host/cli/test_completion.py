@@ -8,13 +8,13 @@ from serial.tools.list_ports_common import ListPortInfo
 from thumper.cli.app import build_app
 
 
-def offered(command: str, option: str) -> list[str]:
-    """Return what Tab offers for an option of a command."""
+def offered(command: str, option: str, typed: str = "") -> list[str]:
+    """Return what Tab offers for an option or argument of a command."""
     group = typer.main.get_command(build_app())
     of = group.commands[command]  # type: ignore[attr-defined]
     (parameter,) = [one for one in of.params if option in one.opts]
     context = of.make_context(command, [], resilient_parsing=True)
-    return [item.value for item in parameter.shell_complete(context, "")]
+    return [item.value for item in parameter.shell_complete(context, typed)]
 
 
 @pytest.mark.parametrize("command", ["run", "explore", "doctor"])
@@ -26,3 +26,11 @@ def test_ports_are_those_that_are_plugged_in_and_the_simulator(
     monkeypatch.setattr(list_ports, "comports", lambda: [port])
     assert offered(command, "--board") == ["/dev/ttyUSB7", "sim://"]
     assert offered(command, "--lidar") == ["/dev/ttyUSB7", "sim://"]
+
+
+def test_worlds_parameters_and_topics_are_offered() -> None:
+    assert {"sim://", "sim://?world=lab", "sim://?world=hall"} <= set(offered("run", "--board", "sim"))
+    assert offered("run", "--board", "sim://?world=lab_") == ["sim://?world=lab_box"]
+    assert {"lab", "hall", "house-1"} <= set(offered("sim", "--world"))
+    assert offered("parameters", "words", "k") == ["kp=", "ki=", "ks=", "kv=", "ka="]
+    assert "scan" in offered("watch", "topic")

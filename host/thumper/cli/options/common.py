@@ -1,16 +1,21 @@
 """Options that several commands share: each has one name and one help text."""
 
+from importlib.metadata import entry_points
+from itertools import chain
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 
-def _ports() -> list[str]:
-    """Return what Tab offers for a port: the serial ports that are plugged in, and the simulated robot."""
+def _ports(incomplete: str) -> list[str]:
+    """Return what Tab offers for a port: serial ports and simulated robots; their worlds after `sim`."""
     from thumper.doctor.usb_ports import usb_ports
 
-    return [*(port.device for port in usb_ports()), "sim://"]
+    offered = [*(port.device for port in usb_ports()), "sim://"]
+    if incomplete.startswith("sim"):
+        offered += chain(*(plugin.load().urls() for plugin in entry_points(group="thumper.serial_protocols")))
+    return [port for port in offered if port.startswith(incomplete)]
 
 
 BoardPort = Annotated[
