@@ -192,3 +192,14 @@ def test_code_fits_a_wide_window_and_commands_wrap_on_a_phone(browser: Browser, 
             page.goto((pages / f"{name}.html").as_uri())
             assert page.evaluate(cut, kinds) == [], (name, width)
     page.close()
+
+
+@pytest.mark.parametrize("name", ["reference/options.html", "reference/cli.html"])
+def test_descriptions_of_options_keep_room_for_words_on_a_phone(
+    browser: Browser, pages: Path, name: str
+) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.goto((pages / name).as_uri())
+    widths = page.locator("article td:nth-child(4)").evaluate_all("all => all.map((one) => one.offsetWidth)")
+    assert min(widths) >= 200
+    page.close()
