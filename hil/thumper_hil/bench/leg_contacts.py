@@ -86,7 +86,9 @@ class LegContacts:
         robot_m_s = float(moved_m @ away_m) / max(float(np.hypot(*away_m)), 1e-9) / elapsed_s
         robot_came_m = _clearance_m(pose_then.apply(self._footprint_m), leg)
         person_came_m = _clearance_m(outline_m, leg_then)
-        if robot_m_s > STATIONARY_M_S and robot_came_m > person_came_m:
+        # Nothing holds a leg: one that walked in on one side may step out on another, ahead of the robot.
+        walked_through = _clearance_m(pose_then.apply(self._footprint_m), leg_then) <= 0.0
+        if robot_m_s > STATIONARY_M_S and robot_came_m > person_came_m and not walked_through:
             self.by_robot += 1
         else:
             self.by_people += 1

@@ -53,6 +53,19 @@ def test_a_foot_put_down_in_the_way_is_the_persons(rested_s: float, expected: tu
     assert (contacts.by_robot, contacts.by_people) == expected
 
 
+@pytest.mark.parametrize(("rested_s", "expected"), [(0.0, (0, 2)), (0.1, (0, 2)), (0.3, (1, 1))])
+def test_a_leg_that_walks_through_the_robot_and_steps_out_is_the_persons(
+    rested_s: float, expected: tuple[int, int]
+) -> None:
+    """It comes from behind and swings past the front of the driving robot, then rests there."""
+    contacts = LegContacts(FOOTPRINT_M)
+    for tick in range(200):
+        ahead_m = min(-0.4 + 2.0 * tick * TICK_S, 0.27 + 0.4 * rested_s + 0.02)
+        front_m = 0.4 * max(0.0, tick * TICK_S - 0.35)
+        contacts.check(Pose2(x_m=front_m), np.array([[ahead_m, 0.0, 0.06]]), TICK_S)
+    assert (contacts.by_robot, contacts.by_people) == expected
+
+
 def test_a_tie_is_the_persons() -> None:
     """Both come equally fast; all lengths are exact in binary."""
     contacts = LegContacts(np.array([[-0.25, -0.125], [0.25, -0.125], [0.25, 0.125], [-0.25, 0.125]]))
