@@ -9,7 +9,7 @@ from thumper.navigation.goal import Goal
 from thumper_hil.courses.course import Course, drive_course
 
 ROOM = "[[wall]]\nclosed = true\npoints_m = [[-1.0, -1.0], [3.0, -1.0], [3.0, 1.0], [-1.0, 1.0]]\n"
-PERSON = "[[person]]\nwaypoints_m = [[-0.9, 0.0], [0.5, 0.0]]\nspeed_m_s = 1.0\nleg_radius_m = 0.06\n"
+PERSON = "[[person]]\nwaypoints_m = [[-0.9, 0.0], [-0.1, 0.0]]\nspeed_m_s = 1.0\nleg_radius_m = 0.06\n"
 COURSE = Course(world_toml=ROOM, start=Pose2(), goal=Goal(x_m=2.0, y_m=0.0))
 
 
