@@ -170,12 +170,13 @@ class Amcl:
                 f"only {self._beams} beams of the scan return, too few to find the pose in the map: "
                 "drive nearer to walls with `thumper teleop`"
             )
-        if is_unknown:
-            searched = "the whole map is searched for the pose"
-            return searched if self._schedule.search else "no scan has been matched to the map yet"
         poor = LOST_AFTER if self._trust.proven else 1  # people hide the map from a scan or two
-        if self._schedule.search or self._schedule.unexplained >= poor:
+        if not is_unknown and self._schedule.unexplained >= poor:
             return f"the map explains only {100.0 * self._estimate.explained:.0f} % of the scan"
+        if self._schedule.search:
+            return "the whole map is searched for the pose"
+        if is_unknown:
+            return "no scan has been matched to the map yet"
         return self._challenge.doubt or self._trust.doubt
 
     def grid(self) -> OccupancyGrid:

@@ -67,6 +67,14 @@ def test_global_localization_finds_the_pose(x_m: float, y_m: float, theta_rad: f
     assert localizer.quality().lost == ""
 
 
+def test_a_search_says_that_it_goes_on_though_the_newest_scan_fits() -> None:
+    localizer = Amcl(GRID, map_from_base=Pose2(x_m=0.3))
+    localizer.update(Pose2(), room_scan(Pose2(x_m=0.3)), STILL)
+    assert localizer.quality().lost == ""
+    localizer._schedule.search = True  # as after a rejected place
+    assert localizer.quality().lost == "the whole map is searched for the pose"
+
+
 def test_given_pose_is_refined_and_tracked_with_fewer_particles() -> None:
     start = Pose2(x_m=0.2, y_m=0.3)
     localizer = Amcl(GRID, map_from_base=Pose2(x_m=0.4, y_m=0.1, theta_rad=0.15))
