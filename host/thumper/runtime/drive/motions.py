@@ -19,6 +19,7 @@ from thumper.runtime.state_estimator import RobotState
 
 SLOWEST_M_S = 0.04
 HEADING_GAIN = 2.5  # turn rate per heading error [1/s]
+PLACE_GAIN = 2.0  # speed per distance that a turn has shifted the robot ahead or back [1/s]
 CROSS_TRACK_GAIN = 6.0  # turn rate per speed and distance from the line [1/m^2]
 TOLERANCE_M, TOLERANCE_RAD = 0.01, 0.0175
 STILL_M_S, STILL_RAD_S = 0.01, 0.03
@@ -100,7 +101,10 @@ def drive_on_heading(distance_m: float, limits: SpeedLimits, start: Pose2) -> Mo
 
 
 def spin(angle_rad: float, limits: SpeedLimits, start: Pose2) -> Motion:
-    """Return the turn in place by `angle_rad` from the heading of `start`; it may exceed a full turn."""
+    """Return the turn in place by `angle_rad` from the heading of `start`; it may exceed a full turn.
+
+    Wheels that scrub shift the robot. It drives back what lies ahead of it or behind it.
+    """
     axis = Axis(
         speed=limits.w_max_rad_s,
         accel=limits.w_accel_rad_s2,
@@ -119,7 +123,8 @@ def spin(angle_rad: float, limits: SpeedLimits, start: Pose2) -> Motion:
         w_rad_s = axis.next_speed(angle_rad - turned_rad, state.twist.w_rad_s)
         if w_rad_s is None:
             return MotionEnd(done=True, reason=f"turned {math.degrees(turned_rad):.0f} degrees")
-        return Twist2(w_rad_s=w_rad_s)
+        back_m = (state.map_from_base.inverse() @ start).x_m if w_rad_s else 0.0
+        return Twist2(v_m_s=min(max(PLACE_GAIN * back_m, -SLOWEST_M_S), SLOWEST_M_S), w_rad_s=w_rad_s)
 
     return _limited(next_command, abs(angle_rad) / limits.w_max_rad_s)
 

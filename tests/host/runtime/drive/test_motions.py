@@ -29,6 +29,7 @@ def drive(
     start: Pose2,
     *,
     gain: float = 1.0,
+    slide_m: float = 0.0,  # ahead, for each radian
     hits_m: FloatArray = NOTHING,
     scan_age_s: float = 0.0,
     cycles: int = 2000,
@@ -45,6 +46,7 @@ def drive(
             return command, pose, time_s
         commands.append(command)
         twist = Twist2(v_m_s=gain * commands[-2].v_m_s, w_rad_s=gain * commands[-2].w_rad_s)
+        pose = pose @ Pose2(x_m=slide_m * abs(twist.w_rad_s) * USUAL_PERIOD_S)
         pose = pose @ Pose2(theta_rad=0.5 * twist.w_rad_s * USUAL_PERIOD_S)
         pose = pose @ Pose2(x_m=twist.v_m_s * USUAL_PERIOD_S, theta_rad=0.5 * twist.w_rad_s * USUAL_PERIOD_S)
         time_s += USUAL_PERIOD_S
@@ -77,6 +79,14 @@ def test_a_turn_ends_at_its_angle(angle_rad: float) -> None:
     off_rad = math.remainder(pose.theta_rad - start.theta_rad - angle_rad, math.tau)
     assert off_rad == pytest.approx(0.0, abs=0.018)
     assert time_s > 0.9 * abs(angle_rad) / LIMITS.w_max_rad_s  # more than a turn is not cut short
+
+
+@pytest.mark.parametrize("angle_rad", [math.pi / 2, -math.pi])
+def test_a_turn_drives_back_what_its_wheels_slide(angle_rad: float) -> None:
+    end, pose, _ = drive(spin(angle_rad, LIMITS, Pose2()), Pose2(), slide_m=0.03)
+    uncorrected_m = 0.03 * 2.0 * math.sin(abs(angle_rad) / 2.0)
+    assert end.done
+    assert math.hypot(pose.x_m, pose.y_m) < 0.6 * uncorrected_m
 
 
 def test_a_base_that_turns_too_far_is_brought_back() -> None:
