@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
-from thumper.common.geometry import FloatArray, Pose2
-from thumper.common.resumable import Search, bands_of
+from thumper.common.geometry import Pose2
+from thumper.common.resumable import bands_of
 from thumper.lidar.deskew import ScanPoints
 from thumper.maps.cell_changes import CellBox
 from thumper.maps.hit_counts import HitCounts
@@ -39,6 +39,19 @@ FIRST_PATCHES = 1 << 14  # room for 16 million cells; it takes memory when it is
 LAYER_MARGIN = 2  # cells: the rounding of the rays
 
 
+class Scratch:
+    """Memory for one scan at a time: the grids of a mapper can share it."""
+
+    def __init__(self) -> None:
+        self._layer: CountArray = np.zeros(0, dtype=np.uint8)
+
+    def layer(self, size: int) -> CountArray:
+        """Return zeros, shape (size,), which must be zeros again after the scan."""
+        if self._layer.size < size:
+            self._layer = np.zeros(size, dtype=np.uint8)
+        return self._layer[:size]
+
+
 class HitGrid:
     """Hit and miss counts on a grid fixed to the map frame, and the distances to its occupied cells.
 
@@ -62,7 +75,7 @@ class HitGrid:
         self._render: OccupancyRender | None = None  # until the map grows
         self._pool = empty_pool(FIRST_PATCHES, levels[-1], distances=distances, zeros=own_memory)
         self._table: IndexArray = np.zeros((0, 0), dtype=np.int32)
-        self._layer = np.zeros(0, dtype=np.uint8)  # scratch, zero between scans
+        self.scratch = Scratch()
 
     @classmethod
     def from_counts(
@@ -149,15 +162,6 @@ class HitGrid:
         """(x, y) of the corner of cell [0, 0] in the map."""
         return self._first_col * self.resolution_m, self._first_row * self.resolution_m
 
-    def reserve(self, low_m: FloatArray, high_m: FloatArray) -> Search[None]:
-        """Make an empty grid large enough for points between two corners, shape (2,), in slices."""
-        (left, top), (right, bottom) = (
-            np.floor(m / self.resolution_m).astype(int).tolist() for m in (low_m, high_m)
-        )
-        self._set_extent(self._with_margin(CellBox(top, left, bottom + 1, right + 1)))
-        for _ in bands_of(self.shape):
-            yield
-
     def insert(self, map_from_base: Pose2, points: ScanPoints) -> None:
         """Insert a scan taken at the pose."""
         pose = np.array([map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad])
@@ -172,9 +176,7 @@ class HitGrid:
             moved.kinds,
         )
         rows, cols = box.bottom - box.top + 2 * LAYER_MARGIN, box.right - box.left + 2 * LAYER_MARGIN
-        if self._layer.size < rows * cols:
-            self._layer = np.zeros(rows * cols, dtype=np.uint8)
-        layer = self._layer[: rows * cols].reshape(rows, cols)
+        layer = self.scratch.layer(rows * cols).reshape(rows, cols)
         first = box.top - self._first_row - LAYER_MARGIN, box.left - self._first_col - LAYER_MARGIN
         while not insert_scan(beams, layer, first, self.cells, self._rule):
             self._pool = larger_pool(self._pool, self._rule.levels[-1])

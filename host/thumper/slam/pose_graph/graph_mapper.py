@@ -33,7 +33,6 @@ URGENT_PARTS = 4
 # The front end first continues in a map of this distance along the graph: a sixth of the whole is soon ready.
 # The rest is added to it.
 NUCLEUS_M = 20.0
-MARGIN_M = 20.0  # that a rebuilt active map leaves around its scans: the robot drives on
 
 
 class GraphMapper:
@@ -123,7 +122,7 @@ class GraphMapper:
         beams = ScanPoints(
             origins_m=np.zeros((1, 2)), ends_m=np.ones((1, 2)), kinds=np.array([HIT], np.uint8)
         )
-        keep_scan(0, Pose2(), beams, np.zeros((2, 2)))
+        keep_scan(0, Pose2(), beams)
         edge = Edge(
             first=0, second=1, first_from_second=Pose2(), information=np.eye(3), loop=False, length_m=0.0
         )
@@ -244,20 +243,20 @@ class GraphMapper:
         self._widens = self._additions is not None
 
     def _rebuild_active(self, distance_m: float = math.inf) -> None:
-        """Start the next active map, with the submaps up to this distance; leave room for the others."""
+        """Start the next active map, with the submaps up to this distance."""
         self._trimmed_at_m = self.submaps.driven_m
         self._active_m = min(distance_m, self._loops.active_m)
         near = self.submaps.within(self._loops.active_m)
         self._next_active = MapRebuild(
             hit_grid=self._empty_grid(),
             chosen={submap for submap, m in near.items() if m <= self._active_m},
-            room_for=set(near),
-            margin_m=MARGIN_M,
         )
 
     def _empty_whole_map(self) -> MapRebuild:
-        return MapRebuild(hit_grid=self._empty_grid(distances=False), margin_m=MARGIN_M)
+        return MapRebuild(hit_grid=self._empty_grid(distances=False))
 
     def _empty_grid(self, *, distances: bool = True) -> HitGrid:
         options = self._options
-        return HitGrid(options.resolution_m, options.reach_m, options.occupied_fraction, distances=distances)
+        grid = HitGrid(options.resolution_m, options.reach_m, options.occupied_fraction, distances=distances)
+        grid.scratch = self._front_end.hit_grid.scratch
+        return grid

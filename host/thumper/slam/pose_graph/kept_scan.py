@@ -39,13 +39,9 @@ class NodeScan:
         return map_from_base.apply(self.ends_m.take(thinned, axis=0).astype(np.float64))
 
 
-def keep_scan(submap: int, submap_from_base: Pose2, points: ScanPoints, box_m: FloatArray) -> NodeScan:
-    """Return the valid beams of a scan, and widen a box to hold them.
-
-    The box, shape (2, 2), is its lowest and its highest x, y.
-    """
-    pose = np.array([submap_from_base.x_m, submap_from_base.y_m, submap_from_base.theta_rad])
-    origins_m, ends_m, kinds = _valid_beams(points.origins_m, points.ends_m, points.kinds, pose, box_m)
+def keep_scan(submap: int, submap_from_base: Pose2, points: ScanPoints) -> NodeScan:
+    """Return the valid beams of a scan."""
+    origins_m, ends_m, kinds = _valid_beams(points.origins_m, points.ends_m, points.kinds)
     return NodeScan(
         submap=submap, submap_from_base=submap_from_base, origins_m=origins_m, ends_m=ends_m, kinds=kinds
     )
@@ -53,18 +49,14 @@ def keep_scan(submap: int, submap_from_base: Pose2, points: ScanPoints, box_m: F
 
 @kernel
 def _valid_beams(
-    origins_m: FloatArray, ends_m: FloatArray, kinds: KindArray, pose: FloatArray, box_m: FloatArray
+    origins_m: FloatArray, ends_m: FloatArray, kinds: KindArray
 ) -> tuple[SingleArray, SingleArray, KindArray]:
     valid = np.flatnonzero(kinds != INVALID)
     origins, ends = np.empty((valid.size, 2), np.float32), np.empty((valid.size, 2), np.float32)
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
     is_stationary = True
     for k in range(valid.size):
         i = valid[k]
-        x_m, y_m = ends_m[i, 0], ends_m[i, 1]
-        origins[k, 0], origins[k, 1], ends[k, 0], ends[k, 1] = origins_m[i, 0], origins_m[i, 1], x_m, y_m
+        origins[k, 0], origins[k, 1] = origins_m[i, 0], origins_m[i, 1]
+        ends[k, 0], ends[k, 1] = ends_m[i, 0], ends_m[i, 1]
         is_stationary &= origins[k, 0] == origins[0, 0] and origins[k, 1] == origins[0, 1]
-        x_m, y_m = pose[0] + cos * x_m - sin * y_m, pose[1] + sin * x_m + cos * y_m
-        box_m[0, 0], box_m[1, 0] = min(box_m[0, 0], x_m), max(box_m[1, 0], x_m)
-        box_m[0, 1], box_m[1, 1] = min(box_m[0, 1], y_m), max(box_m[1, 1], y_m)
     return (origins[:1].copy() if is_stationary else origins), ends, kinds[valid]

@@ -51,8 +51,6 @@ class SubmapGraph:
     # Standard deviation of each submap's own path where walls constrain it badly: sums of s u u^T, with the
     # direction u in the submap's frame and the error s [m] of the wheels.
     _slack_m: list[FloatArray] = field(default_factory=list)
-    # Corners (x, y) of a box in each submap's frame with all beams of its kept scans, shape (2, 2).
-    _boxes_m: list[FloatArray] = field(default_factory=list)
 
     @property
     def newest(self) -> int:
@@ -102,7 +100,7 @@ class SubmapGraph:
             self._slack_m[-1] += std_m * np.outer(direction, direction)
 
     def _keep_scan(self, submap_from_base: Pose2, points: ScanPoints) -> None:
-        self.scans.append(keep_scan(self.newest, submap_from_base, points, self._boxes_m[-1]))
+        self.scans.append(keep_scan(self.newest, submap_from_base, points))
         self._kept_scans += 1
         if self._kept_scans > MAX_KEPT_SCANS:
             self._thin_out()
@@ -223,17 +221,6 @@ class SubmapGraph:
         end = len(self.scans) if last >= self.newest else self._first_scan[last + 1]
         return [scan for scan in self.scans[self._first_scan[max(0, first)] : end] if scan is not None]
 
-    def bounds_m(self, chosen: set[int] | None, range_m: float) -> tuple[FloatArray, FloatArray]:
-        """Return the corners (x, y) of a box with all beams, up to `range_m`, of the chosen submaps."""
-        submaps = np.arange(self.newest + 1) if chosen is None else np.array(sorted(chosen))
-        limit_m = range_m + SUBMAP_LENGTH_M
-        boxes_m = np.clip([self._boxes_m[submap] for submap in submaps], -limit_m, limit_m)
-        x_m, y_m = boxes_m[:, [0, 0, 1, 1], 0], boxes_m[:, [0, 1, 0, 1], 1]  # the four corners
-        x0_m, y0_m, theta_rad = self.poses[submaps].T[:, :, np.newaxis]
-        cos, sin = np.cos(theta_rad), np.sin(theta_rad)
-        points_m = np.stack((x0_m + cos * x_m - sin * y_m, y0_m + sin * x_m + cos * y_m), axis=-1)
-        return points_m.min(axis=(0, 1)), points_m.max(axis=(0, 1))
-
     def path(self) -> FloatArray:
         """Return x, y, theta at each scan, shape (scans, 3)."""
         rows = np.array(self._relative).reshape(-1, 4)
@@ -246,7 +233,6 @@ class SubmapGraph:
         self._started_at_m.append(self.driven_m)
         self._first_scan.append(len(self.scans))
         self._slack_m.append(np.zeros((2, 2)))
-        self._boxes_m.append(np.zeros((2, 2)))
         if self.newest > 0:
             before = self.newest - 1
             self.connect(before, self.newest, self.pose(before).inverse() @ map_from_base, loop=False)

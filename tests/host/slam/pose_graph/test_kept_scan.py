@@ -18,21 +18,19 @@ def random_scan(*, moving: bool) -> ScanPoints:
 
 @pytest.mark.parametrize("moving", [False, True])
 def test_the_valid_beams_are_kept(moving: bool) -> None:
-    points, box_m = random_scan(moving=moving), np.zeros((2, 2))
-    kept = keep_scan(5, POSE, points, box_m)
+    points = random_scan(moving=moving)
+    kept = keep_scan(5, POSE, points)
     valid = points.kinds != INVALID
     assert (kept.submap, kept.submap_from_base) == (5, POSE)
     assert len(kept.origins_m) == (valid.sum() if moving else 1)  # a stationary robot has one origin
     np.testing.assert_array_equal(kept.points().origins_m, points.origins_m[valid].astype(np.float32))
     np.testing.assert_array_equal(kept.points().ends_m, points.ends_m[valid].astype(np.float32))
     np.testing.assert_array_equal(kept.kinds, points.kinds[valid])
-    ends_m = POSE.apply(points.ends_m[valid])
-    np.testing.assert_allclose(box_m, [ends_m.min(axis=0), ends_m.max(axis=0)])
 
 
 def test_hits_are_thinned_evenly() -> None:
     points = random_scan(moving=True)
-    kept = keep_scan(0, Pose2(), points, np.zeros((2, 2)))
+    kept = keep_scan(0, Pose2(), points)
     hits_m = POSE.apply(kept.ends_m[kept.kinds == HIT].astype(np.float64))
     np.testing.assert_allclose(kept.thinned_hits_m(POSE, len(hits_m) / 3.0), hits_m[::3])
     np.testing.assert_allclose(kept.thinned_hits_m(POSE, 1000.0), hits_m)
@@ -40,10 +38,8 @@ def test_hits_are_thinned_evenly() -> None:
 
 def test_a_scan_without_a_valid_beam_is_kept_empty() -> None:
     nothing = ScanPoints(origins_m=np.zeros((9, 2)), ends_m=np.ones((9, 2)), kinds=np.zeros(9, np.uint8))
-    box_m = np.zeros((2, 2))
-    kept = keep_scan(0, POSE, nothing, box_m)
+    kept = keep_scan(0, POSE, nothing)
     assert kept.points().ends_m.shape == kept.points().origins_m.shape == (0, 2)
-    assert not box_m.any()
 
 
 def test_near_points_are_in_the_same_cell_or_in_one_next_to_it() -> None:

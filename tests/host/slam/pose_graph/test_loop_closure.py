@@ -279,19 +279,3 @@ def test_the_front_end_leaves_the_torn_map_soon_after_a_loop_closure() -> None:
     assert mapper.loops_closed == 1
     assert scans_in_old_map < 11  # 13 if the whole map is rebuilt first; 26 at the usual pace, too
     assert max(missing[30:]) == 0  # the submaps left out at first have followed
-
-
-def test_the_small_map_after_a_closure_leaves_room_for_the_rest() -> None:
-    """Otherwise the front end's map grows while the rest is added, which copies it at once."""
-    mapper = GraphMapper(loops=LoopOptions(active_m=60.0))
-    point = ScanPoints(origins_m=np.zeros((1, 2)), ends_m=np.ones((1, 2)), kinds=np.full(1, HIT, np.uint8))
-    for step in range(200):
-        mapper.submaps.add(Pose2(x_m=0.5 * step), point)
-    mapper._rebuild_active(20.0)
-    rebuilt = mapper._next_active
-    assert rebuilt
-    while not rebuilt.insert_part(mapper.submaps):
-        pass
-    assert rebuilt.chosen == set(mapper.submaps.within(20.0))
-    x_m, _ = rebuilt.hit_grid.corner_m
-    assert x_m < 99.5 - 60.0
