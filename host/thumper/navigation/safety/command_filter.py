@@ -32,6 +32,9 @@ GIVING_WAY_S, PRIORITY_S = 6.0, 60.0
 # After so long of looking for motions that keep the room, the robot is in a passage without it. It keeps the
 # margin alone until it has had the room again for so long. The time of looking falls at a fifth of its pace.
 LOOKING_S, ROOMY_AGAIN_S, EASING = 1.0, 2.0, 0.2
+# More room from what is out of view: the matched position wanders while the robot turns, as the lidar's error
+# turns with it.
+REMEMBERED_M = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,7 +146,8 @@ class CommandFilter:
         if self._more_room_m == 0.0:
             return None
         _, error_m, seen = self._obstacles
-        error_m = error_m + self._more_room_m * (np.arange(len(error_m)) < seen)
+        error_m = error_m + REMEMBERED_M * (error_m > 0.0)
+        error_m[:seen] += self._more_room_m
         stop = self._stop_reason(command, request, error_m)
         if stop is None:
             return FilteredCommand(command=command)

@@ -20,6 +20,7 @@ from thumper.navigation.safety.command_filter import (
     GIVING_WAY_S,
     LOOKING_S,
     PRIORITY_S,
+    REMEMBERED_M,
     ROOMY_AGAIN_S,
     CommandFilter,
     FilteredCommand,
@@ -76,9 +77,11 @@ class Filter:
         allow_escape: bool = True,
         last: Twist2 = SLOW,
         seen: int | None = None,
+        error_m: float = 0.0,
     ) -> FilteredCommand:
         count = len(points_m)
-        self.filter._obstacles = ObstaclePoints(points_m, np.zeros(count), count if seen is None else seen)
+        errors_m = np.full(count, error_m)
+        self.filter._obstacles = ObstaclePoints(points_m, errors_m, count if seen is None else seen)
         asked = replace(request(points_m), last_command=last)
         result = ControlResult(command=wanted, reason="" if wanted else "no room")
         return self.filter.filter(result, asked, allow_escape=allow_escape)
@@ -195,6 +198,12 @@ def test_robot_keeps_room_from_what_may_be_nearer_than_it_seems() -> None:
     assert away.command.w_rad_s > 0.0
     further_m = POST_M - (0.0, 0.02)
     assert Filter().run(WANTED, further_m, last=WANTED) == FilteredCommand(command=WANTED)
+
+
+def test_robot_keeps_more_room_from_what_it_remembers() -> None:
+    post_m = np.array(((0.33, -SIDE_M - CollisionMonitorOptions().room_m - 0.5 * REMEMBERED_M),))
+    assert Filter().run(WANTED, post_m, last=WANTED) == FilteredCommand(command=WANTED)
+    assert Filter().run(WANTED, post_m, last=WANTED, error_m=0.001).escaping
 
 
 def test_robot_drives_through_a_passage_without_room_to_both_sides() -> None:
