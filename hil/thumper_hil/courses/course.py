@@ -1,7 +1,7 @@
 """Drive through a course: the whole robot with its firmware, lidar and SLAM, as hard as a preset says.
 
-The robot starts without a map. It plans with the pose that SLAM estimates. The outcome is judged by ground
-truth.
+The robot starts without a map, unless the course says that it has one. It plans with the pose that it
+estimates. The outcome is judged by ground truth.
 """
 
 import math
@@ -40,6 +40,9 @@ class Course:
     arrival_m: float = 0.0
     """The drive ends at this true distance from the goal; 0: where the robot says that it has arrived."""
 
+    has_map: bool = False
+    """The robot has a true map, and localizes in it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CourseRun:
@@ -64,6 +67,9 @@ class CourseRun:
     """Root of the mean square distance between estimated and true position."""
 
     plans: list[FloatArray]
+
+    track: FloatArray
+    """True time, x, y and heading of the drive, shape (n, 4)."""
 
     @property
     def timed_out(self) -> bool:
@@ -101,7 +107,7 @@ def drive_course(
 
 
 def _drive(course: Course, config: RobotConfig, fixed: World) -> CourseRun:
-    with open_robot(config, course.start) as robot:
+    with open_robot(config, course.start, fixed.to_grid() if course.has_map else None) as robot:
         bench = simulation(NAME)
         referee = _Referee(course, bench)
         robot.after_cycle.append(referee.check)
@@ -128,6 +134,7 @@ def _drive(course: Course, config: RobotConfig, fixed: World) -> CourseRun:
         bumps=bench.bumps,
         pose_error_m=float(np.sqrt(np.mean(np.square(errors_m).sum(axis=0)))),
         plans=log.plans,
+        track=driven[:, :4],
     )
 
 
