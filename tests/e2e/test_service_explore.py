@@ -24,7 +24,7 @@ def test_explores_and_comes_back(service: Service) -> None:
     )
     assert explored(service), service.events
     assert service.robot.drive_manager.reason == service.events[-1]
-    assert "frontiers; back" in service.events[-1]
+    assert "m² of free floor; back" in service.events[-1]
     end = service.bench.truth()[-1]
     assert abs(end[1] - start[1]) < 0.25
     assert abs(end[2] - start[2]) < 0.25

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.resumable import Search, SlicedSearch, merged
-from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.maps.occupancy_grid import FREE, OccupancyGrid
 from thumper.navigation.costmap.filters import with_keepout
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import Navigator
@@ -29,6 +29,7 @@ LOOK_CYCLES = 5  # between two looks at whether a frontier is still one
 SAME_VIEWPOINT_M = 0.3
 PATIENCE_S = 10.0  # another frontier may be easier to reach, and show the rest of this one
 HOME_TOLERANCE_M = 0.15
+MOST_FREE_PERCENT = 50  # cells with less count as free floor in the report
 NEAR_HOME_M = 0.5  # if something stands at home now
 BACK = "back at the start"
 NOTHING_LEFT = "nothing is left to explore: no frontier is reachable"
@@ -133,7 +134,10 @@ def _drive_to_frontiers(
             explorer.retry(given_up)
             continue
         if frontier is None:
-            explored = f"explored after {result.time_s:.0f} s: reached {reached} of {tried} frontiers"
+            explored = (
+                f"explored after {result.time_s:.0f} s: reached {reached} of {tried} frontiers, "
+                f"found {_free_m2(now()[0]):.1f} m² of free floor"
+            )
             return result, explored if tried else NOTHING_LEFT
         tried += 1
         approach, goal = _Approach(explorer, now, frontier), explorer.goal(frontier)
@@ -156,6 +160,11 @@ def _drive_to_frontiers(
         frontier = approach.next
     why = "interrupted" if result.interrupted else "time is up"
     return result, f"{why} after {result.time_s:.0f} s: reached {reached} of {tried} frontiers"
+
+
+def _free_m2(grid: OccupancyGrid) -> float:
+    """Return the area that is known to be free."""
+    return int(((grid.cells >= FREE) & (grid.cells < MOST_FREE_PERCENT)).sum()) * grid.resolution_m**2
 
 
 def _choose(

@@ -118,8 +118,11 @@ def test_exploration_scans_visits_all_frontiers_and_returns() -> None:
     total, reports, _ = exploration(drives, A, B)
     assert drives.names == ["initial scan", "frontier 1", "frontier 2", "home"]
     assert (total.reached, total.time_s, total.path_length_m) == (True, 40.0, 4.0)
-    assert total.reason == "explored after 30 s: reached 2 of 2 frontiers; back at the start"
-    assert reports == ["explored after 30 s: reached 2 of 2 frontiers"]
+    assert (
+        total.reason
+        == "explored after 30 s: reached 2 of 2 frontiers, found 16.0 m² of free floor; back at the start"
+    )
+    assert reports == ["explored after 30 s: reached 2 of 2 frontiers, found 16.0 m² of free floor"]
 
 
 def test_the_robot_runs_its_cycles_while_it_chooses_a_frontier() -> None:
@@ -144,7 +147,7 @@ def test_an_unreachable_frontier_is_given_up_and_the_next_one_tried() -> None:
     assert total.reached
     assert reports == [
         "gave up frontier 1 at (1.00, 0.00): no path",
-        "explored after 40 s: reached 2 of 3 frontiers",
+        "explored after 40 s: reached 2 of 3 frontiers, found 16.0 m² of free floor",
     ]
 
 
@@ -200,7 +203,7 @@ def test_the_robot_drives_on_once_a_frontier_has_been_seen() -> None:
     assert drives.cycles == [DRIVE_CYCLES, LOOK_CYCLES + 12, DRIVE_CYCLES, DRIVE_CYCLES]
     assert len(drives.waited) == 2  # for the first frontier, and for the answer that none is left
     assert explorer.skipped == [B]  # the first may have other parts, which are still unseen
-    assert reports == ["explored after 30 s: reached 2 of 2 frontiers"]
+    assert reports == ["explored after 30 s: reached 2 of 2 frontiers, found 16.0 m² of free floor"]
 
 
 def test_a_drive_goes_on_if_the_next_frontier_is_observed_from_the_same_place() -> None:
