@@ -27,13 +27,29 @@ def test_after_the_last_waypoint_the_motors_are_off(service: Service) -> None:
     assert service.ask("mission/state", {"mission": 1})["leg"] == 1
 
 
-def test_the_end_of_a_goal_is_logged_once(service: Service) -> None:
+@pytest.mark.parametrize("before", [(), (FAR,)])
+def test_the_end_of_a_goal_is_logged_once(service: Service, before: tuple[Goal, ...]) -> None:
+    if before:
+        service.put(GoTo(goals=before))
+        service.run_cycles(15)
     service.put(GoTo(goals=(NEAR,)))
     service.until(lambda: service.mode == "idle")
     service.run_cycles(2)
+    number = 2 if before else 1
     assert [event for event in service.events if "at the goal" in event] == [
-        f"mission 1 reached: {service.ask('mission/state')['reason']}"
+        f"mission {number} reached: {service.ask('mission/state')['reason']}"
     ]
+
+
+def test_a_refused_goal_leaves_the_mission_under_way(service: Service) -> None:
+    first = service.ask("mission/send", {"x_m": NEAR.x_m, "y_m": NEAR.y_m})["mission"]
+    service.run_cycles(15)
+    assert not service.ask("mission/send", {"x_m": 900.0, "y_m": 0.0})["ok"]
+    assert service.ask("mission/state")["state"] == "driving"
+    service.until(lambda: service.mode == "idle")
+    service.run_cycles(2)
+    assert service.ask("mission/state", {"mission": first})["state"] == "reached"
+    assert len([event for event in service.events if "at the goal" in event]) == 1
 
 
 def test_an_injected_fault_is_logged(service: Service) -> None:

@@ -44,7 +44,11 @@ class TaskDriver:
         if isinstance(running.leg, Wait) and self._drive_manager.mode is not DriveMode.IDLE:
             self._drive_manager.stop("replaced by another task")
         leg = self._leg_run(running.leg)
-        leg.start()
+        try:
+            leg.start()
+        except ThumperError:
+            task.close()  # now: its mission's number is free for the next
+            raise
         if self.task is not None:
             self.task.end("replaced by another goal")
         self.task, self._leg, self._display = running, leg, NoDisplay()

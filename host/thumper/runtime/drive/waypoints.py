@@ -98,7 +98,7 @@ class Missions:
 
     def start(self, waypoints: Waypoints) -> WaypointMission:
         """Start a new mission; it ends the active one."""
-        self.end("replaced by another goal")
+        self.end(self._last, "replaced by another goal")
         self._last += 1
         return self._store(WaypointMission(number=self._last, waypoints=waypoints))
 
@@ -108,9 +108,9 @@ class Missions:
         if mission is not None:
             self._store(replace(mission, leg=leg))
 
-    def end(self, reason: str, *, reached: bool = False) -> WaypointMission | None:
-        """End the active mission and return it; None if there is none."""
-        mission = self.newest
+    def end(self, number: int, reason: str, *, reached: bool = False) -> WaypointMission | None:
+        """End a mission and return it; None if it is not active."""
+        mission = self.find(number)
         if mission is None or mission.state is not MissionState.DRIVING:
             return None
         state = MissionState.REACHED if reached else MissionState.FAILED

@@ -7,7 +7,7 @@ from thumper.ros.to_ros import INFO, WARN
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.drive.task_driver import TaskDriver
 from thumper.runtime.drive.tasks import Task, follow_waypoints
-from thumper.runtime.drive.waypoints import Missions, Waypoints
+from thumper.runtime.drive.waypoints import Missions, WaypointMission, Waypoints
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.sensor_inputs import SensorInputs
 from thumper.runtime.service.preconditions import Preconditions
@@ -40,6 +40,7 @@ class MissionStarter:
             raise ThumperError("no goals are accepted yet: there is no map to plan with; is the lidar on?")
         waypoints = Waypoints(goals=goals, rounds=rounds, waits_s=waits_s)
         self._task_driver.begin_at_once(self._follow(waypoints, self.missions.next_number))
+        self._publisher.mission_reports_end = waypoints.has_one_leg  # the mission before has ended
         return self.missions.start(waypoints).number
 
     def state(self, number: int | None) -> MissionStatus:
@@ -58,19 +59,22 @@ class MissionStarter:
         )
 
     def _follow(self, waypoints: Waypoints, number: int) -> Task:
-        self._publisher.mission_reports_end = len(waypoints.goals) * waypoints.rounds == 1
         try:
             result = yield from follow_waypoints(
                 waypoints, on_leg=lambda leg: self.missions.set_leg(number, leg)
             )
-        except GeneratorExit:  # replaced by a task that is no mission, such as docking
-            self.missions.end("replaced by another goal")
+        except GeneratorExit:  # replaced, or refused before it began
+            self._end(number, "replaced by another goal")
             raise
-        finally:
-            self._publisher.mission_reports_end = False
-        mission = self.missions.end(result.reason, reached=result.reached)
+        mission = self._end(number, result.reason, reached=result.reached)
         if mission is not None:
             state = "ended" if result.interrupted else mission.state.value  # a user's stop is no failure
             text = f"mission {mission.number} {state}: {mission.reason}"
             self._publisher.publish_event(text, INFO if result.reached or result.interrupted else WARN)
         return result
+
+    def _end(self, number: int, reason: str, *, reached: bool = False) -> WaypointMission | None:
+        mission = self.missions.end(number, reason, reached=reached)
+        if mission is not None:
+            self._publisher.mission_reports_end = False
+        return mission

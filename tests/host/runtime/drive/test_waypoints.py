@@ -10,7 +10,7 @@ def test_legs_in_order_and_the_end_after_the_last() -> None:
     missions = Missions()
     number = missions.start(Waypoints(goals=(A, B))).number
     missions.set_leg(number, 1)
-    missions.end("there", reached=True)
+    missions.end(number, "there", reached=True)
     mission = missions.find(number)
     assert mission is not None
     assert (mission.leg, mission.state, mission.reason) == (1, MissionState.REACHED, "there")
@@ -33,12 +33,13 @@ def test_a_new_goal_ends_the_old_one() -> None:
     assert "another goal" in mission.reason
 
 
-def test_end_without_an_active_mission_returns_none() -> None:
+def test_end_of_a_mission_that_is_not_active_returns_none() -> None:
     missions = Missions()
-    assert missions.end("stopped") is None
-    missions.start(Waypoints(goals=(A,)))
-    missions.end("there", reached=True)
-    assert missions.end("stopped") is None
+    assert missions.end(missions.next_number, "refused") is None
+    number = missions.start(Waypoints(goals=(A,))).number
+    assert missions.end(missions.next_number, "refused") is None
+    assert missions.end(number, "there", reached=True) is not None
+    assert missions.end(number, "stopped") is None
 
 
 def test_old_missions_are_forgotten() -> None:
