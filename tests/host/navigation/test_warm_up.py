@@ -72,3 +72,24 @@ def test_the_warm_up_calls_every_kernel_that_the_loop_calls() -> None:
         and not module.startswith(tuple(NOT_IN_THE_LOOP))
     )
     assert not cold, cold
+
+
+FINE = """
+from thumper.slam.factory import MappingOptions
+from thumper.slam.grid.grid_mapper import GridMapper
+from thumper.slam.scan_matching.patch_grid import plain
+
+mapper = GridMapper(MappingOptions(resolution_m=0.025))
+mapper.warm_up()
+signatures = len(plain.compiled.signatures)
+mapper.hit_grid.distances_m(1)
+print(signatures, len(plain.compiled.signatures))
+"""
+
+
+def test_the_warm_up_compiles_for_the_distances_of_a_fine_map() -> None:
+    """They take two bytes per cell there."""
+    done = subprocess.run([sys.executable, "-c", FINE], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    before, after = done.stdout.split()
+    assert before == after

@@ -1,3 +1,4 @@
+import gc
 from dataclasses import replace
 
 import pytest
@@ -21,7 +22,10 @@ def test_robots_with_the_same_options_warm_up_once(monkeypatch: pytest.MonkeyPat
     config = RobotConfig()
     other = replace(config, navigation=replace(config.navigation, planner="navfn"))
     elsewhere = with_ports(config, board="sim://other/board", lidar="")
-    for each in (config, elsewhere, other, config):
+    assembly.warm_up(config)
+    frozen = gc.get_freeze_count()
+    for each in (elsewhere, other, config):
         assembly.warm_up(each)
+    assert gc.get_freeze_count() <= frozen  # what is open by now can still be freed
     assembly._warm_up.cache_clear()  # without navigation, these do not count
     assert warmed == [config.navigation, other.navigation]

@@ -113,7 +113,10 @@ class DynamicObstacles:
         return time_s - self._moved_s < LATELY_S
 
     def rested(self, points_m: FloatArray) -> NDArray[np.bool_]:
-        """Return at which places, shape (n, 2) in map, the oldest scan saw something, or had no view of."""
+        """Return at which places, shape (n, 2) in map, the oldest scan saw something, or had no view of.
+
+        A place that was hidden counts as free: mostly somebody hid it who walks away from the lidar.
+        """
         if not self._scans:
             return np.ones(len(points_m), np.bool_)
         evidence = self._scans[0].rays.evidence(points_m, PASSED_M)

@@ -125,9 +125,10 @@ class GridMapper:
         matcher.search_headings(points.hits_m, Pose2(), 1.0, 1.0)
         matcher.evidence(points, Pose2())
         options = self._options
-        HitGrid.from_counts(
+        hit_grid = HitGrid.from_counts(
             scratch.counts(), options.resolution_m, options.reach_m, options.occupied_fraction
         )
+        hit_grid.distances_m(1)  # their type follows from the resolution
         scratch.grid()
 
     def update(
