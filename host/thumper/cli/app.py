@@ -32,7 +32,12 @@ from thumper.cli.save import save
 from thumper.cli.setup import setup
 from thumper.cli.status import status, watch
 from thumper.cli.teleop import teleop
-from thumper.cli.usage_errors import UsageError, refuse_unknown_options, usage_text
+from thumper.cli.usage_errors import (
+    UsageError,
+    refuse_missing_numbers,
+    refuse_unknown_options,
+    usage_text,
+)
 from thumper.common.errors import EXIT_INTERRUPTED, EXIT_USAGE, ThumperError
 from thumper.common.optional_packages import extra_providing, missing_package
 from thumper.common.parent import end_with_parent
@@ -178,6 +183,7 @@ class PlainCommand(ErrorsWithContext, PlainTypes, OptionPanels, TyperCommand):
         for parameter in self.params:
             if not getattr(parameter, "multiple", False) and sum(map(given.count, parameter.opts)) > 1:
                 raise UsageError(f"{parameter.opts[0]} is given twice, but takes one value", ctx)
+        refuse_missing_numbers(ctx, args)
         pairs = {
             name
             for parameter in self.params

@@ -72,6 +72,11 @@ def goto(
         raise ThumperError(
             "pass a goal: X Y, the name of a place, --gps LAT LON or --object NAME", exit_code=EXIT_USAGE
         )
+    elif y is None and len(numbers := x.replace(",", " ").split()) > 1 and all(map(is_number, numbers)):
+        raise ThumperError(
+            f"{x!r} is no place; write X Y with a space: thumper goto {' '.join(numbers)}",
+            exit_code=EXIT_USAGE,
+        )
     elif y is None and not is_number(x):
         goal = SendMission(place=x, tolerance_m=tolerance)
     elif not is_number(x):

@@ -1,5 +1,6 @@
 """Errors of the command line's parser as one line each: what is wrong, then how to fix it."""
 
+import re
 from typing import Any
 
 import typer
@@ -32,10 +33,17 @@ def _name_the_value(error: Any) -> None:
     if hasattr(cause, "errors"):
         first = cause.errors(include_url=False)[0]
         if first["type"] == "value_error":  # of Typer: "'a' is not one of 'b', 'c'."
-            error.message = str(first["ctx"]["error"])
+            error.message = _with_meant(str(first["ctx"]["error"]))
         else:
             rule = first["msg"].replace("Input should", "must").partition(",")[0]
             error.message = f"{first['input']!r} {rule}"
+
+
+def _with_meant(message: str) -> str:
+    """Return Typer's "'a' is not one of 'b', 'c'." with the choice that was meant, if one resembles it."""
+    typed, _, choices = message.partition(" is not one of ")
+    close = close_names(typed.strip("'"), re.findall("'([^']+)'", choices))
+    return f"{message.removesuffix('.')}; did you mean {close[0]!r}?" if close else message
 
 
 def no_such_option(context: Any, word: str) -> str:
@@ -60,3 +68,28 @@ def refuse_unknown_options(context: Any, words: list[str]) -> None:
             return
         if word.startswith("-") and word.partition("=")[0] not in known and not is_number(word):
             context.fail(no_such_option(context, word))
+
+
+def refuse_missing_numbers(context: Any, words: list[str]) -> None:
+    """Raise for an option of several numbers, such as `--goal X Y`, with fewer before the next option.
+
+    Click would take the next option's name for a number.
+    """
+    metavars = {
+        name: parameter.metavar
+        for parameter in context.command.params
+        if len((parameter.metavar or "").split()) > 1
+        for name in parameter.opts
+        if name.startswith("-")
+    }
+    for index, word in enumerate(words):
+        option, is_joined, first = word.partition("=")
+        if word == "--":
+            return
+        if option not in metavars:
+            continue
+        values = [*([first] if is_joined else []), *words[index + 1 :]]
+        for position, name in enumerate(metavars[option].split()):
+            value = values[position] if position < len(values) else "--"
+            if value.startswith("-") and not is_number(value):
+                raise UsageError(f"{option} is {metavars[option]}: the {name} is missing", context)
