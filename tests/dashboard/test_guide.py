@@ -234,7 +234,7 @@ def test_progress_of_unknown_length_has_no_share() -> None:
         ("explored after 30 s: reached 2 of 2 frontiers; back at the start", "pass"),
         ("time is up after 900 s: reached 2 of 4 frontiers; back at the start", "pass"),
         ("nothing is left to explore: no frontier is reachable", "pass"),
-        ("not back: no path", "fail"),
+        ("not back at the start: no path", "fail"),
         ("mission 3 failed: no path", "fail"),
         ("mission 3 ended: cancelled", "fail"),
     ],

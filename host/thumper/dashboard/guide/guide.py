@@ -302,7 +302,7 @@ class Guide:
             self._set("pass", text)
         elif RETURNING.match(text):
             self._set("warn", f"{text}; driving back to the start")
-        elif text.startswith(("not back: ", "ended after ", "interrupted after ")):
+        elif text.startswith(("not back at the start: ", "ended after ", "interrupted after ")):
             self._set("fail", text)
 
     async def _do(self, action: Callable[[], Awaitable[str]]) -> None:

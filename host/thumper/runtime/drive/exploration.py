@@ -133,12 +133,11 @@ def _drive_to_frontiers(
             is_second_round = True  # the rest of the map may show another way to them
             explorer.retry(given_up)
             continue
+        if frontier is None and not tried:
+            return result, NOTHING_LEFT
         if frontier is None:
-            explored = (
-                f"explored after {result.time_s:.0f} s: reached {reached} of {tried} frontiers, "
-                f"found {_free_m2(now()[0]):.1f} m² of free floor"
-            )
-            return result, explored if tried else NOTHING_LEFT
+            why = "explored"
+            break
         tried += 1
         approach, goal = _Approach(explorer, now, frontier), explorer.goal(frontier)
         try:
@@ -158,8 +157,12 @@ def _drive_to_frontiers(
         if approach.next is None:
             explorer.skip(frontier)
         frontier = approach.next
-    why = "interrupted" if result.interrupted else "time is up"
-    return result, f"{why} after {result.time_s:.0f} s: reached {reached} of {tried} frontiers"
+    else:
+        why = "interrupted" if result.interrupted else "time is up"
+    ending = f"{why} after {result.time_s:.0f} s: reached {reached} of {tried} frontiers"
+    if tried:  # before the first telemetry there is no map
+        ending += f", found {_free_m2(now()[0]):.1f} m² of free floor"
+    return result, ending
 
 
 def _free_m2(grid: OccupancyGrid) -> float:

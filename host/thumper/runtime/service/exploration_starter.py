@@ -57,7 +57,7 @@ class ExplorationStarter:
         report = self._publisher.publish_event
         result = yield from explore(explorer, self._now, home, limit_s=LIMIT_S, report=report)
         if not result.reached:
-            self._publisher.publish_event(f"not back: {result.reason}")
+            self._publisher.publish_event(f"not back at the start: {result.reason}")
             return result
         self._drive_manager.reason = result.reason  # instead of the home goal, which no user has set
         if result.reason != NOTHING_LEFT:

@@ -181,14 +181,22 @@ def test_after_ctrl_c_nothing_is_driven() -> None:
     total, reports, _ = exploration(drives, A, B)
     assert drives.names == ["initial scan", "frontier 1"]
     assert (total.interrupted, total.reason, total.time_s) == (True, "interrupted", 20.0)
-    assert reports == ["interrupted after 20 s: reached 0 of 1 frontiers"]
+    assert reports == ["interrupted after 20 s: reached 0 of 1 frontiers, found 16.0 m² of free floor"]
+
+
+def test_ctrl_c_before_there_is_a_map() -> None:
+    reports: list[str] = []
+    drives = Drives(initial_scan=result(reached=False, interrupted=True, reason="interrupted"))
+    task = explore(cast("Explorer", Frontiers(A)), pytest.fail, HOME, limit_s=900.0, report=reports.append)
+    carry_out(task, drives)
+    assert reports == ["interrupted after 10 s: reached 0 of 0 frontiers"]
 
 
 def test_when_time_is_up_the_robot_returns() -> None:
     drives = Drives()
     _, reports, _ = exploration(drives, A, B, limit_s=15.0)
     assert drives.names == ["initial scan", "frontier 1", "home"]
-    assert reports == ["time is up after 20 s: reached 1 of 1 frontiers"]
+    assert reports == ["time is up after 20 s: reached 1 of 1 frontiers, found 16.0 m² of free floor"]
 
 
 def test_nothing_to_explore() -> None:
