@@ -4,14 +4,17 @@ import math
 import re
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, cast
 
+import numba
 import numpy as np
 import pytest
 
 from thumper import Robot, ThumperError
 from thumper.board.messages import State
+from thumper.common.compile_progress import COMPILING
 from thumper.common.geometry import Pose2
 from thumper.maps.map_server_io import load_map
 from thumper_hil.bench import Bench, simulation
@@ -41,6 +44,21 @@ def test_a_first_script(tmp_path: Path) -> None:
     with Robot("sim://?world=lab&x_m=0.6&y_m=-0.4&yaw_deg=90", session=tmp_path / "lab.session") as robot:
         assert math.hypot(robot.pose.x_m - 0.6, robot.pose.y_m + 0.4) < 0.1
         assert (robot.map.cells >= 0).sum() >= (saved.cells >= 0).sum()
+
+
+def test_a_line_says_that_kernels_are_compiled(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    @contextmanager
+    def compiled(*_: object, **__: object) -> Iterator[None]:
+        numba.njit(lambda x: x + 1)(1)
+        raise ThumperError("no board")
+        yield
+
+    monkeypatch.setattr("thumper.robot.robot.open_robot", compiled)
+    with pytest.raises(ThumperError), Robot("sim://"):
+        pass
+    assert capsys.readouterr() == ("", f"{COMPILING}\n")
 
 
 def test_a_left_turn_is_positive() -> None:

@@ -11,8 +11,8 @@ from rich.console import Console
 
 from thumper.board.options import BoardOptions
 from thumper.cli.options.record import recorded
-from thumper.cli.output.compile_progress import compile_progress
 from thumper.cli.output.drive_progress import ProgressDisplay, raise_if_interrupted
+from thumper.common.compile_progress import compile_progress
 from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
 from thumper.navigation.goal import Goal

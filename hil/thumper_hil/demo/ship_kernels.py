@@ -14,7 +14,7 @@ from typing import get_args
 
 from rich.console import Console
 
-from thumper.cli.output.compile_progress import compile_progress
+from thumper.common.compile_progress import compile_progress
 from thumper.common.geometry import Pose2
 from thumper.common.numba_kernel import SHIP_VARIABLE
 from thumper.config.robot import RobotConfig

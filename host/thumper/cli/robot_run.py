@@ -11,12 +11,12 @@ from rich.console import Console
 from thumper.bus.serve_robot import on_bus, on_bus_if_free
 from thumper.bus.zenoh_session import check_address_free
 from thumper.cli.options.record import recorded
-from thumper.cli.output.compile_progress import compile_progress
 from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
 from thumper.cli.output.folder import prepare_output, reserved
 from thumper.cli.output.stderr_report import report_unused_ports
 from thumper.cli.resume import AUTOSAVE, autosaved, load_interrupted, set_aside_interrupted
 from thumper.cli.start_map import load_start_map
+from thumper.common.compile_progress import compile_progress
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, load_config, with_ports
 from thumper.dashboard.process import dashboard_process

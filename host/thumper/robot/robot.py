@@ -121,16 +121,23 @@ class Robot:
         self._target: Pose2 | None = None  # of the last simple motion
 
     def __enter__(self) -> Self:
-        """Open the ports and map the first scans; raise ThumperError if board or lidar do not answer."""
+        """Open the ports and map the first scans; raise ThumperError if board or lidar do not answer.
+
+        If kernels must be compiled first, a line on stderr says so.
+        """
+        from rich.console import Console  # 0.1 s that an import of Robot need not take
+
+        from thumper.common.compile_progress import compile_progress
+
         with ExitStack() as stack:
             known: OccupancyGrid | SavedSlamState | None = None
             if self._session:
                 known = load_session(self._session, self._config.mapping.resolution_m)
             elif self._map:
                 known = load_map(self._map)
-            self._robot_loop = stack.enter_context(
-                open_robot(self._config, self._start, known, annotations=self._annotations())
-            )
+            opened = open_robot(self._config, self._start, known, annotations=self._annotations())
+            with compile_progress(Console(stderr=True, force_jupyter=False)):  # Jupyter needs a widget for it
+                self._robot_loop = stack.enter_context(opened)
             self._loop.wait_for_map()
             self._stack = stack.pop_all()
         return self

@@ -5,7 +5,7 @@ import io
 import numba
 from rich.console import Console
 
-from thumper.cli.output.compile_progress import compile_progress
+from thumper.common.compile_progress import compile_progress
 
 KERNELS = 12
 
