@@ -48,7 +48,7 @@ class Robot:
     """Moves in a world and maps what its lidar sees."""
 
     def __init__(self, world: World, start: Pose2) -> None:
-        self.world, self.pose, self.way_m = world, start, 0.0
+        self.world, self.pose, self.driven_m = world, start, 0.0
         self.view, self.footprint = FieldOfView(), Footprint()
         self.truth = world.to_grid()
         self.seen = np.zeros(self.truth.cells.size, np.bool_)
@@ -76,7 +76,7 @@ class Robot:
             path_m = resample(path_m, STEP_M)
             for here, there in pairwise(path_m[: 1 + LOOK_STEPS]):
                 step_m = there - here
-                self.way_m += math.hypot(*step_m)
+                self.driven_m += math.hypot(*step_m)
                 self._stand(there, math.atan2(step_m[1], step_m[0]))
             if frontier is not None and frontier.is_seen(self.grid()):
                 return True
@@ -202,22 +202,22 @@ def main() -> None:
         places.append(
             Place(name=Path(path).stem, world=World.load(path), start=Pose2(x_m=float(x_m), y_m=float(y_m)))
         )
-    ways_m, ratios = [], []
+    driven_m, ratios = [], []
     for place in places:
         robot = explore(place.world, place.start, ExplorationOptions())
         grid = robot.grid()
         tour_m = math.nan if given.no_tour else known_tour_m(place.world, place.start, grid)
         area_m2 = float((grid.cells == 0).sum()) * grid.resolution_m**2
         print(
-            f"    {place.name}: {robot.way_m:.1f} m, tour {tour_m:.1f} m, "
-            f"{robot.way_m / max(tour_m, 0.1):.2f}, {area_m2:.1f} m²",
+            f"    {place.name}: {robot.driven_m:.1f} m, tour {tour_m:.1f} m, "
+            f"{robot.driven_m / max(tour_m, 0.1):.2f}, {area_m2:.1f} m²",
             flush=True,
         )
-        ways_m.append(robot.way_m)
-        ratios.append(robot.way_m / tour_m)
-    figure("exploration: way, sum", f"{sum(ways_m):.1f}", "m")
+        driven_m.append(robot.driven_m)
+        ratios.append(robot.driven_m / tour_m)
+    figure("exploration: path, sum", f"{sum(driven_m):.1f}", "m")
     figure(
-        "exploration: way / tour that knows the map, mean / worst",
+        "exploration: path / tour that knows the map, mean / worst",
         f"{np.mean(ratios):.2f} / {max(ratios):.2f}",
     )
 

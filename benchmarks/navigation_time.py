@@ -12,7 +12,7 @@ left before. The time counts from the moment when the robot starts, 0.6 s before
 import argparse
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -42,11 +42,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.figure import figure
 
 LAST_M = 0.5
-ROOM_M, LEAST_WAY_M, CLEAR_M = 0.32, 2.5, 0.6  # round start and goal; between them; of the open room's walls
+ROOM_M, APART_M, CLEAR_M = 0.32, 2.5, 0.6  # round start and goal; between them; of the open room's walls
 ROOM = "[[wall]]\nclosed = true\npoints_m = [[-1.0, -4.0], [9.0, -4.0], [9.0, 4.0], [-1.0, 4.0]]\n"
 LIMIT_S = 300.0
 STANDING_M_S, TURNING_RAD_S, SLOW = 0.03, 0.15, 0.85  # the last is a part of the highest speed
 AIMS = {"house": 1.15, "room": 1.1}
+
+Place = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,33 +111,38 @@ def in_map(path: Path, count: int, rng: np.random.Generator) -> Iterator[Mission
     room_m = distance_transform_edt(grid.cells == FREE) * grid.resolution_m
     parts, _ = label(room_m > ROOM_M)
     places = np.argwhere(parts == np.argmax(np.bincount(parts.ravel())[1:]) + 1)
-    made = 0
-    while made < count:
-        (start_m, goal_m) = (
-            grid.centre_of(int(row), int(col)) for row, col in places[rng.integers(len(places), size=2)]
-        )
-        if math.dist(start_m, goal_m) < LEAST_WAY_M:
-            continue
-        made += 1
-        start = Pose2(x_m=start_m[0], y_m=start_m[1], theta_rad=float(rng.uniform(-math.pi, math.pi)))
-        yield mission(f"{path.stem} {made}", world, toml, start, Goal(x_m=goal_m[0], y_m=goal_m[1]))
+
+    def draw() -> list[Place]:
+        return [grid.centre_of(int(row), int(col)) for row, col in places[rng.integers(len(places), size=2)]]
+
+    yield from between(draw, path.stem, world, toml, count, rng)
 
 
 def in_room(folder: Path, count: int, rng: np.random.Generator) -> Iterator[Mission]:
     """Yield missions across an open room."""
     path = folder / "room.toml"
     path.write_text(ROOM, encoding="utf-8")
-    world, made = World.load(path), 0
+
+    def draw() -> list[Place]:
+        x_m = rng.uniform(-1.0 + CLEAR_M, 9.0 - CLEAR_M, 2)
+        y_m = rng.uniform(-4.0 + CLEAR_M, 4.0 - CLEAR_M, 2)
+        return list(zip(x_m.tolist(), y_m.tolist(), strict=True))
+
+    yield from between(draw, "room", World.load(path), ROOM, count, rng)
+
+
+def between(
+    draw: Callable[[], list[Place]], name: str, world: World, toml: str, count: int, rng: np.random.Generator
+) -> Iterator[Mission]:
+    """Yield missions from the first to the second place of a draw, if these are far enough apart."""
+    made = 0
     while made < count:
-        x_m, y_m = (
-            rng.uniform(-1.0 + CLEAR_M, 9.0 - CLEAR_M, 2),
-            rng.uniform(-4.0 + CLEAR_M, 4.0 - CLEAR_M, 2),
-        )
-        if math.hypot(x_m[1] - x_m[0], y_m[1] - y_m[0]) < LEAST_WAY_M:
+        start_m, goal_m = draw()
+        if math.dist(start_m, goal_m) < APART_M:
             continue
         made += 1
-        start = Pose2(x_m=float(x_m[0]), y_m=float(y_m[0]), theta_rad=float(rng.uniform(-math.pi, math.pi)))
-        yield mission(f"room {made}", world, ROOM, start, Goal(x_m=float(x_m[1]), y_m=float(y_m[1])))
+        start = Pose2(x_m=start_m[0], y_m=start_m[1], theta_rad=float(rng.uniform(-math.pi, math.pi)))
+        yield mission(f"{name} {made}", world, toml, start, Goal(x_m=goal_m[0], y_m=goal_m[1]))
 
 
 def in_houses(first: int, count: int) -> Iterator[Mission]:
@@ -159,7 +166,7 @@ class Times:
     ratio: float  # to the ideal time
     limited: float  # the same with the first turn and the limits of acceleration
     last_s: float  # from `LAST_M` before the goal
-    driven: float  # length of the way, relative to the shortest
+    driven: float  # length of the driven path, relative to the shortest
     standing: float  # fractions of the time: standing, ...
     turning: float  # ... turning in place, ...
     slow: float  # ... and driving at less than `SLOW` of the highest speed
@@ -175,7 +182,7 @@ def times_of(mission: Mission, run: CourseRun, limits: SpeedLimits) -> Times:
     v_m_s = np.hypot(np.diff(x_m), np.diff(y_m)) / step_s
     w_rad_s = np.abs(np.diff(np.unwrap(theta_rad))) / step_s
     still = v_m_s < STANDING_M_S
-    turning = ~still & (v_m_s < 0.1) & (w_rad_s >= TURNING_RAD_S) | still & (w_rad_s >= TURNING_RAD_S)
+    turning = (v_m_s < 0.1) & (w_rad_s >= TURNING_RAD_S)
     still &= ~turning
     slow = ~still & ~turning & (v_m_s < SLOW * limits.v_max_m_s)
     whole_s = float(step_s.sum())
@@ -221,7 +228,7 @@ def report(kind: str, missions: list[Mission], preset: str, options: NavigationO
         times = times_of(one, run, options.limits)
         print(
             f"    {one.name}: {one.length_m:.1f} m, {run.time_s:.1f} s, {times.ratio:.2f} x ideal, "
-            f"{times.limited:.2f} with turn and ramps, way "
+            f"{times.limited:.2f} with turn and ramps, driven "
             f"{times.driven:.2f}, standing {times.standing:.2f}, turning {times.turning:.2f}, slow "
             f"{times.slow:.2f}, last {times.last_s:.1f} s, flips {times.routes.flips}; {run.reason}",
             flush=True,

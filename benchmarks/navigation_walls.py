@@ -32,7 +32,7 @@ from benchmarks.figure import figure
 AREA_M = (-3.0, -3.0, 9.0, 6.0)
 MIDDLE_M = 0.4  # x of the room's middle
 LIMIT_S = 120.0
-LEAST_WAY_M = 0.8
+LEAST_DISTANCE_M = 0.8
 LAST_M = 0.5
 TURNING_M = 0.35  # room round the start
 
@@ -69,7 +69,7 @@ def rooms(count: int, seed: int) -> Iterator[Room]:
         theta_rad = None if rng.random() < 0.5 else 0.5 * math.pi * int(rng.integers(4))
         goal = Goal(x_m=float(place_m[0]), y_m=float(place_m[1]), theta_rad=theta_rad)
         disc = Footprint.rectangle(length_m=2.0 * TURNING_M, width_m=2.0 * TURNING_M)
-        if goal.distance_m(start) < LEAST_WAY_M or world.clearance_m(start, disc) <= 0.0:
+        if goal.distance_m(start) < LEAST_DISTANCE_M or world.clearance_m(start, disc) <= 0.0:
             continue
         made += 1
         yield Room(
