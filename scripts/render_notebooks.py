@@ -83,7 +83,7 @@ def main() -> int:
     (PAGES / "images").mkdir(parents=True, exist_ok=True)
     for name in names:
         notebook = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4)  # type: ignore[no-untyped-call]
-        NotebookClient(notebook, timeout=600, kernel_name="python3").execute()
+        NotebookClient(notebook, timeout=600, kernel_name="python3", coalesce_streams=True).execute()
         page, pictures = render(notebook, name)
         (PAGES / f"{name}.md").write_text(page, encoding="utf-8")
         for number, picture in enumerate(pictures, 1):
