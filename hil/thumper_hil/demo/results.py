@@ -78,7 +78,7 @@ def print_next_steps(console: Console, steps: Sequence[tuple[str, str]] = NEXT_S
     for arguments, effect in steps:
         console.print(f"  {program} {arguments}", highlight=False, soft_wrap=True)
         console.print(f"      {effect}", highlight=False)
-    console.print("  docs/tutorials/simulated.md goes on from here.", highlight=False)
+    console.print("  docs/tutorials/simulated.md has the next steps.", highlight=False)
 
 
 def summarize(outcomes: Sequence[Outcome], setting: Mapping[str, int | str]) -> dict[str, Any]:

@@ -24,8 +24,8 @@ class CameraOptions:
     rate_Hz: Annotated[float, Gt(0)] = 10.0  # frames per second asked of the camera
     fx_px: Annotated[float, Gt(0)] = 600.0  # focal length in pixels, along the rows
     fy_px: Annotated[float, Gt(0)] = 600.0  # along the columns
-    cx_px: float = 319.5  # principal point; the centre of the top left pixel is 0, 0
-    cy_px: float = 239.5
+    cx_px: float = 319.5  # column of the principal point; the centre of the top left pixel is 0, 0
+    cy_px: float = 239.5  # row of the principal point
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)  # 5 numbers: k1, k2, p1, p2, k3
     x_m: float = 0.15  # lens in the robot's frame, forward
     y_m: float = 0.0  # to the left

@@ -103,7 +103,7 @@ def drive_on_heading(distance_m: float, limits: SpeedLimits, start: Pose2) -> Mo
 def spin(angle_rad: float, limits: SpeedLimits, start: Pose2) -> Motion:
     """Return the turn in place by `angle_rad` from the heading of `start`; it may exceed a full turn.
 
-    Wheels that scrub shift the robot. It drives back what lies ahead of it or behind it.
+    Wheels that scrub shift the robot. It corrects the part of that shift along its heading.
     """
     axis = Axis(
         speed=limits.w_max_rad_s,
