@@ -210,7 +210,7 @@ class Robot:
         limits = replace(limits, w_max_rad_s=arguments.speed("turn", "w_rad_s", w_rad_s, limits.w_max_rad_s))
         start = self._reference()
         motion = motions.spin(angle_rad, limits, start)
-        result = self._move(motion, unseen=unseen, cure="call forward(0.4) first")
+        result = self._move(motion, unseen=unseen, cure="call forward(0.4) first", turns=True)
         self._target = start @ Pose2(theta_rad=angle_rad) if result.reached else None
         return result
 
@@ -470,16 +470,16 @@ class Robot:
             state.hits_in_map_m,
         )
 
-    def _move(self, motion: Motion, *, unseen: bool, cure: str) -> DriveResult:
+    def _move(self, motion: Motion, *, unseen: bool, cure: str, turns: bool = False) -> DriveResult:
         navigator = self._loop.drive_manager.navigator
 
         def obstacles(_state: RobotState) -> ObstaclePoints:
             near = navigator.obstacles
             return near.without_unseen() if unseen else near
 
-        motion = motions.before_obstacles(
-            motion, collision_monitor(self._config), obstacles, cure=f"{cure}, or pass unseen=True"
-        )
+        cure = f"{cure}, or pass unseen=True"
+        monitor = collision_monitor(self._config)
+        motion = motions.before_obstacles(motion, monitor, obstacles, cure=cure, turns=turns)
         return self._carry_out(tasks.move(motion))
 
     def _carry_out(self, task: Task) -> DriveResult:

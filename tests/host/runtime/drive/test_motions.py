@@ -89,6 +89,18 @@ def test_a_turn_drives_back_what_its_wheels_slide(angle_rad: float) -> None:
     assert math.hypot(pose.x_m, pose.y_m) < 0.6 * uncorrected_m
 
 
+def test_a_turn_does_not_follow_a_place_that_moved() -> None:
+    motion = spin(math.pi, LIMITS, Pose2())
+    for x_m, drives_back in ((0.05, True), (0.5, False)):  # then the map has jumped
+        pose = Pose2(x_m=x_m)
+        command = motion(
+            RobotState(time_s=0.0, map_from_base=pose, twist=Twist2(), hits_in_map_m=NOTHING, scan_age_s=0.0)
+        )
+        assert isinstance(command, Twist2)
+        assert command.w_rad_s > 0.0
+        assert bool(command.v_m_s) is drives_back
+
+
 def test_a_base_that_turns_too_far_is_brought_back() -> None:
     """The wheels slip less than usual: without the second look the robot would stop 8 degrees too far."""
     end, pose, _ = drive(spin(math.pi / 2, LIMITS, Pose2()), Pose2(), gain=1.6)
@@ -120,6 +132,17 @@ def test_the_corner_of_a_turning_robot_stops_before_a_post() -> None:
     end, pose, _ = drive(monitored(spin(math.pi, LIMITS, Pose2())), Pose2(), hits_m=post_m)
     assert not end.done
     assert pose.theta_rad < 1.0
+
+
+def test_a_turn_without_space_to_drive_back_turns_in_place() -> None:
+    wanted = Twist2(v_m_s=-0.04, w_rad_s=0.5)
+    monitor = CollisionMonitor(CollisionMonitorOptions(), LIMITS, Footprint())
+    behind_m = np.array([[-0.235, 0.0]])
+    state = RobotState(
+        time_s=0.0, map_from_base=Pose2(), twist=Twist2(), hits_in_map_m=behind_m, scan_age_s=0.0
+    )
+    assert before_obstacles(lambda _: wanted, monitor)(state) == Twist2()
+    assert before_obstacles(lambda _: wanted, monitor, turns=True)(state) == Twist2(w_rad_s=0.5)
 
 
 @pytest.mark.parametrize(
