@@ -13,10 +13,10 @@ ReplyT = TypeVar("ReplyT")
 
 
 def _assignments(incomplete: str) -> list[str]:
-    """Return what Tab offers: the names of all parameters."""
+    """Return what Tab offers: the names of all parameters; a shell adds a space, which would follow `=`."""
     from thumper.board.messages import PARAMETERS
 
-    return [f"{spec.name}=" for spec in PARAMETERS if spec.name.startswith(incomplete)]
+    return [spec.name for spec in PARAMETERS if spec.name.startswith(incomplete)]
 
 
 def parameters(

@@ -1,5 +1,7 @@
 """Tab completes the values of options and arguments."""
 
+from importlib.metadata import EntryPoint
+
 import pytest
 import typer.main
 from serial.tools import list_ports
@@ -32,5 +34,11 @@ def test_worlds_parameters_and_topics_are_offered() -> None:
     assert {"sim://", "sim://?world=lab", "sim://?world=hall"} <= set(offered("run", "--board", "sim"))
     assert offered("run", "--board", "sim://?world=lab_") == ["sim://?world=lab_box"]
     assert {"lab", "hall", "house-1"} <= set(offered("sim", "--world"))
-    assert offered("parameters", "words", "k") == ["kp=", "ki=", "ks=", "kv=", "ka="]
+    assert offered("parameters", "words", "k") == ["kp", "ki", "ks", "kv", "ka"]
     assert "scan" in offered("watch", "topic")
+
+
+def test_a_plug_in_without_urls_offers_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    other = EntryPoint("other", "json", "thumper.serial_protocols")
+    monkeypatch.setattr("thumper.cli.options.common.entry_points", lambda group: [other])
+    assert offered("run", "--board", "sim") == ["sim://"]

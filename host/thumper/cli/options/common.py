@@ -9,12 +9,16 @@ import typer
 
 
 def _ports(incomplete: str) -> list[str]:
-    """Return what Tab offers for a port: serial ports and simulated robots; their worlds after `sim`."""
+    """Return what Tab offers for a port: serial ports and simulated robots; their worlds after `sim`.
+
+    Bash splits words at `:`: it offers nothing after `sim:`.
+    """
     from thumper.doctor.usb_ports import usb_ports
 
     offered = [*(port.device for port in usb_ports()), "sim://"]
     if incomplete.startswith("sim"):
-        offered += chain(*(plugin.load().urls() for plugin in entry_points(group="thumper.serial_protocols")))
+        plugins = entry_points(group="thumper.serial_protocols")
+        offered += chain(*(getattr(plugin.load(), "urls", list)() for plugin in plugins))
     return [port for port in offered if port.startswith(incomplete)]
 
 
