@@ -95,9 +95,18 @@ def test_goal_far_outside_any_map(thumper: Run, tmp_path: Path) -> None:
     refused(thumper("run", *SIM, "--goal", "4000", "0", "--out", tmp_path), "goal", "4000")
 
 
-def test_a_goal_too_far_from_the_start_opens_nothing(thumper: Run, tmp_path: Path) -> None:
-    done = thumper("run", *SIM, "--goal", "99", "0", "--out", tmp_path)
-    refused(done, "goal (99.00, 0.00) is 99 m away")
+@pytest.mark.parametrize(
+    ("places", "problem"),
+    [
+        (("--goal", "99", "0"), "99 m from the start"),
+        (("--waypoint", "1", "0", "--waypoint", "99", "0"), "98 m from the goal before, (1.00, 0.00)"),
+    ],
+)
+def test_a_goal_too_far_from_the_place_before_opens_nothing(
+    thumper: Run, tmp_path: Path, places: tuple[str, ...], problem: str
+) -> None:
+    done = thumper("run", *SIM, *places, "--out", tmp_path)
+    refused(done, f"goal (99.00, 0.00) is {problem}")
     assert done.returncode == 2
     assert done.stdout == ""
 

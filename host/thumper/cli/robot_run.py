@@ -1,7 +1,7 @@
 """What `run` and `explore` share: their common options, opening the robot, and the files of a run."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,7 +24,7 @@ from thumper.maps.annotations import annotations_path, load_annotations
 from thumper.maps.map_server_io import load_datum
 from thumper.navigation.goal import Goal, check_place
 from thumper.runtime.assembly import open_robot
-from thumper.runtime.drive.goal_limits import check_distance
+from thumper.runtime.drive.goal_limits import check_distances
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.drive_result import DriveResult
 from thumper.runtime.loop import RobotLoop
@@ -76,32 +76,32 @@ class RunOptions:
 
 @contextmanager
 def opened_robot(
-    options: RunOptions, settings: RobotConfig, *, serving: bool = False, goal: Goal | None = None
+    options: RunOptions, settings: RobotConfig, *, serving: bool = False, goals: Sequence[Goal] = ()
 ) -> Iterator[RobotLoop]:
     """Open the robot, with recording, bus and browser page as the options say.
 
     A robot that is `serving` needs the bus, and saves its map on request; for a drive both are optional. If
-    the last run did not end normally, the robot resumes its map at the pose that was saved last. A `goal`
-    that is too far from a known start is refused before anything opens.
+    the last run did not end normally, the robot resumes its map at the pose that was saved last. One of
+    the `goals` that is too far from the one before, or from a known start, is refused before anything opens.
     """
     if serving:
         check_address_free(settings.bus.address)  # the interrupted session may be that of a running robot
-    with reserved(options.out), _opened(options, settings, serving, goal) as robot:
+    with reserved(options.out), _opened(options, settings, serving, goals) as robot:
         yield robot
 
 
 @contextmanager
 def _opened(
-    options: RunOptions, settings: RobotConfig, serving: bool, goal: Goal | None
+    options: RunOptions, settings: RobotConfig, serving: bool, goals: Sequence[Goal]
 ) -> Iterator[RobotLoop]:
     known = load_start_map(settings, options.saved_map, options.session)
     start, path = options.start_pose, options.saved_map or options.session
     datum = load_datum(options.saved_map) if options.saved_map else None
     if known is None and not options.fresh and (session := load_interrupted(settings, options.out, start)):
+        check_distances(goals, None)
         known, start, path = session, session.map_from_base, options.out / AUTOSAVE
     else:
-        if known is None and goal is not None:
-            check_distance(goal, start or Pose2())
+        check_distances(goals, start or Pose2() if known is None else None)
         set_aside_interrupted(options.out)
     annotations = load_annotations(annotations_path(path)) if path else None
     map_path = options.out / "map.yaml" if serving else None

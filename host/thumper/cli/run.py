@@ -168,7 +168,8 @@ def _drive(options: "RunOptions", waypoints: "Waypoints", console: "Console", *,
     from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
     from thumper.runtime.drive.tasks import follow_waypoints
 
-    with opened_robot(options, options.load_settings(), goal=waypoints.goals[0]) as robot:
+    goals = [leg.goal for leg in waypoints.legs()]
+    with opened_robot(options, options.load_settings(), goals=goals) as robot:
         task = follow_waypoints(waypoints, clear_fault=clear_fault)
         run = run_and_report(robot, task, options.out, console)
     result = run.result

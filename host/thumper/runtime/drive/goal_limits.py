@@ -1,5 +1,6 @@
 """Refuses goals that the robot cannot reach in any map: too far away, or where it does not fit."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
@@ -13,14 +14,23 @@ from thumper.runtime.state_estimator import StateEstimator
 MAX_GOAL_DISTANCE_M = 50.0  # the map of a whole drive must fit into memory and planning time
 
 
-def check_distance(goal: Goal, map_from_base: Pose2) -> None:
-    """Raise ThumperError if the goal is too far from the robot."""
+def check_distance(goal: Goal, map_from_base: Pose2, place: str = "the robot") -> None:
+    """Raise ThumperError if the goal is too far from the robot, or from where it will be: `place`."""
     if (distance_m := goal.distance_m(map_from_base)) > MAX_GOAL_DISTANCE_M:
         raise ThumperError(
-            f"goal {goal} is {distance_m:.0f} m away; "
-            f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of the robot",
+            f"goal {goal} is {distance_m:.0f} m from {place}; "
+            f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of it",
             exit_code=EXIT_USAGE,
         )
+
+
+def check_distances(goals: Iterable[Goal], start: Pose2 | None) -> None:
+    """Raise ThumperError if a goal is too far from the one before it, or the first from a known start."""
+    before, place = start, "the start"
+    for goal in goals:
+        if before is not None:
+            check_distance(goal, before, place)
+        before, place = Pose2(x_m=goal.x_m, y_m=goal.y_m), f"the goal before, {goal}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
