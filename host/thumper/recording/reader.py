@@ -60,9 +60,9 @@ class Recording:
         self.metadata = _metadata(paths[0])
         first_of_run = {_metadata(path).get("run"): path for path in reversed(paths)}
         if len(first_of_run) > 1:
-            newest = max(first_of_run.values())
+            last = max(first_of_run.values())
             raise ThumperError(
-                f"these files are of {len(first_of_run)} runs; pass those of one run, such as {newest}",
+                f"these files are of {len(first_of_run)} runs; pass those of one run, such as {last}",
                 exit_code=EXIT_USAGE,
             )
 
