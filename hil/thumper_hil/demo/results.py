@@ -42,7 +42,7 @@ NEXT_STEPS = (  # command, what it shows
 )
 FOOTNOTE = (
     "Wheel speed error: ramped set-point of the firmware minus measured speed, straight run, while moving. "
-    "`thumper tune` drives ramps without the navigator and shows less, 0.08 rad/s."
+    "`thumper tune` drives ramps without the navigator and shows less; docs/results/tuning.md compares."
 )
 
 
