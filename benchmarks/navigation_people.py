@@ -4,8 +4,8 @@ Run: python benchmarks/navigation_people.py [--presets nominal hard] [--scenes 2
 
 The people are two legs of 6 cm each. They cross the robot's path, pace across it, walk along it, or stand on
 it and leave. They never give way. The bench judges each touch: it is the robot's if the robot moves towards
-the leg and came nearer than the leg in the last 0.2 s; this ends the drive. Touches by
-people end nothing.
+the leg and came nearer than the leg in the last 0.2 s, unless the leg was in its outline 0.2 s before; this
+ends the drive. Touches by people end nothing.
 """
 
 import argparse

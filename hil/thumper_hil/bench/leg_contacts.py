@@ -2,7 +2,8 @@
 
 It is the robot's if its outline moves towards the leg at the touch, and came further towards it than the leg
 came towards the outline. That counts over the time in which no robot can respond: a foot swings at twice the
-walking speed and then rests, so its speed at the touch says nothing about who came.
+walking speed and then rests, so its speed at the touch says nothing about who came. The touch of a leg that
+was in the outline at the start of that time is the person's: nothing holds a leg that walks in.
 """
 
 from collections import deque
@@ -60,7 +61,7 @@ class LegContacts:
             if _clearance_m(outline_m, leg) <= (CLEAR_M if touched else 0.0):
                 touching.add(index)
                 if not touched:
-                    self._judge(pose, before, leg, self._paths[index][0][1], elapsed_s)
+                    self._judge(pose, before, leg, self._paths[index][0], elapsed_s)
         self._touching = touching
 
     def _append(self, history: deque[tuple[float, T]], newest: T) -> None:
@@ -76,9 +77,10 @@ class LegContacts:
         return nearest if away_m and away_m[nearest] < FURTHEST_STEP_M else None
 
     def _judge(
-        self, pose: Pose2, before: Pose2, leg: FloatArray, leg_then: FloatArray, elapsed_s: float
+        self, pose: Pose2, before: Pose2, leg: FloatArray, oldest: tuple[float, FloatArray], elapsed_s: float
     ) -> None:
-        pose_then = self._poses[0][1]
+        then_s, leg_then = oldest
+        pose_then = dict(self._poses)[then_s]  # a leg may be known for less than `RESPONSE_S`
         # The point of the body at the leg, carried back to where it was one step before.
         leg_m, outline_m = leg[:2], pose.apply(self._footprint_m)
         moved_m = leg_m - before.apply(pose.inverse().apply(leg_m[None, :]))[0]

@@ -66,6 +66,16 @@ def test_a_leg_that_walks_through_the_robot_and_steps_out_is_the_persons(
     assert (contacts.by_robot, contacts.by_people) == expected
 
 
+def test_a_leg_that_has_just_appeared_is_compared_over_its_own_time() -> None:
+    """In the 0.05 s that the leg is known it comes faster than the robot, which has driven for longer."""
+    contacts = LegContacts(FOOTPRINT_M)
+    for tick in range(51):
+        to_touch_s = (50 - tick) * TICK_S
+        leg_m = np.array([[0.26 + 0.6 * to_touch_s, 0.0, 0.06]])
+        contacts.check(Pose2(x_m=-0.3 * to_touch_s), leg_m if to_touch_s < 0.055 else leg_m[:0], TICK_S)
+    assert (contacts.by_robot, contacts.by_people) == (0, 1)
+
+
 def test_a_tie_is_the_persons() -> None:
     """Both come equally fast; all lengths are exact in binary."""
     contacts = LegContacts(np.array([[-0.25, -0.125], [0.25, -0.125], [0.25, 0.125], [-0.25, 0.125]]))
