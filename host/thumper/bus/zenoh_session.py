@@ -74,7 +74,9 @@ def open_router(robot: str, options: BusOptions) -> zenoh.Session:
         try:
             return _open_session(_config(settings, options.token))
         except zenoh.ZError as error:
-            raise ThumperError(f"the bus cannot listen at {address}: {_first_line(error)}") from error
+            raise ThumperError(
+                f"the bus cannot listen at {address}: {_first_line(error)}", exit_code=EXIT_NOT_THERE
+            ) from error
 
 
 def open_client(address: str, token: str, tls: str = "") -> zenoh.Session:
@@ -249,7 +251,8 @@ def check_address_free(address: str) -> None:
     except OSError as error:
         raise ThumperError(
             f"the bus cannot listen at {address}: {error.strerror}; is another robot process running? "
-            "Choose another address with [bus] address in the configuration, or with --bus"
+            "Choose another address with [bus] address in the configuration, or with --bus",
+            exit_code=EXIT_NOT_THERE,
         ) from error
 
 

@@ -23,7 +23,7 @@ from thumper.dashboard.process import dashboard_process
 from thumper.maps.annotations import annotations_path, load_annotations
 from thumper.maps.map_server_io import load_datum
 from thumper.navigation.goal import Goal, check_place
-from thumper.runtime.assembly import open_robot
+from thumper.runtime.assembly import check_ports, open_robot
 from thumper.runtime.drive.goal_limits import check_distances
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.drive_result import DriveResult
@@ -85,6 +85,7 @@ def opened_robot(
     the `goals` that is too far from the one before, or from a known start, is refused before anything opens.
     """
     if serving:
+        check_ports(settings)  # a mistyped port is the nearer mistake
         check_address_free(settings.bus.address)  # the interrupted session may be that of a running robot
     with reserved(options.out), _opened(options, settings, serving, goals) as robot:
         yield robot
