@@ -86,7 +86,7 @@ def map_log(
     from rich.console import Console
     from rich.progress import Progress
 
-    from thumper.cli.output.folder import prepare_output
+    from thumper.cli.output.folder import new_output
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.offline.map_log import LogReading
     from thumper.offline.map_log import map_log as build
@@ -102,10 +102,10 @@ def map_log(
     start_pose = _start_pose(start, session)
     options = MappingOptions(method=method, filter=RbpfOptions(seed=seed))
     known = load_session(session, options.resolution_m) if session else None
-    prepare_output(out)
     console = Console()
     # Without a terminal, the bar would leave an empty line.
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+    bar = Progress(console=console, transient=True, disable=not console.is_terminal)
+    with new_output(out), bar as progress:
         task = progress.add_task(f"mapping {file.name}", total=None)
         summary = build(
             file,

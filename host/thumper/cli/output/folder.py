@@ -4,7 +4,7 @@ import fcntl
 import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
@@ -30,6 +30,20 @@ def prepare_output(folder: Path, option: str = "--out") -> Path:
             exit_code=EXIT_USAGE,
         ) from error
     return folder
+
+
+@contextmanager
+def new_output(folder: Path) -> Iterator[None]:
+    """Prepare `folder` as `prepare_output` does; remove it if it is new and the work fails without a file."""
+    is_new = not folder.exists()
+    prepare_output(folder)
+    try:
+        yield
+    except BaseException:
+        if is_new:
+            with suppress(OSError):  # there are files in it
+                folder.rmdir()
+        raise
 
 
 @contextmanager

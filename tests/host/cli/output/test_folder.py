@@ -1,10 +1,11 @@
-"""Two robot processes do not write to one output folder."""
+"""Output folders: two robot processes do not write to one, and failed work leaves no empty one."""
 
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from thumper.cli.output.folder import reserved
+from thumper.cli.output.folder import new_output, reserved
 from thumper.cli.robot_run import RunOptions, opened_robot
 from thumper.common.errors import ThumperError
 from thumper.config.robot import RobotConfig
@@ -38,3 +39,20 @@ def test_the_folder_is_free_again_afterwards(tmp_path: Path) -> None:
     for _ in range(2):
         with reserved(tmp_path):
             pass
+
+
+@pytest.mark.parametrize(
+    ("is_new", "with_file", "stays"), [(True, False, False), (True, True, True), (False, False, True)]
+)
+def test_failed_work_removes_an_empty_folder_that_it_made(
+    tmp_path: Path, is_new: bool, with_file: bool, stays: bool
+) -> None:
+    folder = tmp_path / "out"
+    if not is_new:
+        folder.mkdir()
+    with suppress(ThumperError), new_output(folder):
+        assert folder.is_dir()
+        if with_file:
+            (folder / "map.png").touch()
+        raise ThumperError("no log")
+    assert folder.exists() == stays
