@@ -248,7 +248,11 @@ class Navigator:
         if active.checker.is_reached(cycle.map_from_base, cycle.twist):
             self._state, self._reason = NavigationState.REACHED, f"at the goal {active.goal}"
             if manoeuvre.place:
-                self._reason += f", in the nearest pose with room for the robot: {manoeuvre.place}"
+                away_m = active.goal.distance_m(cycle.map_from_base)
+                self._reason = (
+                    f"at the nearest pose with room for the robot, {away_m:.2f} m from the goal "
+                    f"{active.goal}: {manoeuvre.place}"
+                )
             return self._output(Twist2(), request)
 
         result: ControlResult | Stop
