@@ -22,7 +22,7 @@ READOUTS = (
     ("scan_age", "Scan age", "age of the newest scan"),
     ("loop_late", "Loop late", "how late the previous control cycle started"),
     ("loop_busy", "Loop busy", "how long the previous control cycle took"),
-    ("link_frames", "Frames", "valid frames that the board received since its reset; wraps at 65536"),
+    ("link_frames", "Commands received", "valid frames at the board since its reset; wraps at 65536"),
     ("link_errors", "Frame errors", "frames with a wrong checksum"),
     ("lost_edges", "Lost edges", "encoder edges of unknown direction"),
     ("lidar_scans", "Scans", "scans since the start"),

@@ -1,4 +1,4 @@
-// Tools of the map, for pointer and keyboard: pan, goal, waypoints, pose estimate, zone, place, obstacle.
+// Tools of the map, for pointer and keyboard: pan, goal, route, pose, zone, place, pillar.
 // Goal and pose work as in RViz: press at the position, drag to set the heading, release.
 
 import { AnnotationBar } from "./annotations.js";
@@ -12,11 +12,11 @@ const MIN_HEADING_DRAG_PX = 12; // a shorter drag sets no heading
 export const TOOLS = {
   pan: { icon: "pan_tool", label: "Pan", title: "Pan: drag to move the map, scroll or pinch to zoom", key: "v" },
   goal: { icon: "flag", label: "Goal", title: "Goal: press at the position, drag to set the heading", key: "g" },
-  waypoints: { icon: "route", label: "Route", title: "Waypoints: click each in order, then press Drive", key: "w" },
+  waypoints: { icon: "route", label: "Route", title: "Route: click the waypoints in order, then press Drive", key: "w" },
   pose: {
     icon: "assistant_navigation",
     label: "Pose",
-    title: "Pose estimate: press at the robot's position, drag to set its heading",
+    title: "Pose: press at the robot's position, drag to set its heading",
     key: "p",
   },
   zone: {
@@ -34,7 +34,7 @@ export const TOOLS = {
   obstacle: {
     icon: "add_box",
     label: "Pillar",
-    title: "Obstacle: click to add a pillar to the simulated world",
+    title: "Pillar: click to add one to the simulated world",
     key: "o",
   },
 };
