@@ -30,6 +30,15 @@ def test_header_fits_on_a_phone_with_its_longest_state(page: Page, robot: FakeRo
     assert page.locator(".tp-header").evaluate("head => head.scrollWidth <= head.clientWidth")
 
 
+def test_arm_needs_no_scroll_on_a_phone(page: Page) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    for name in (".tp-arm", "text=Explore"):
+        button, stop = page.locator(name).bounding_box(), page.locator(".tp-estop").bounding_box()
+        assert button is not None
+        assert stop is not None
+        assert button["y"] + button["height"] <= stop["y"]
+
+
 def test_buttons_and_chart_keys_take_one_line(page: Page) -> None:
     tops_px = "all => all.map((one) => Math.round(one.getBoundingClientRect().top))"
     for width_px in (1440, 1024):
