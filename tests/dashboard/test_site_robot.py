@@ -98,6 +98,23 @@ def test_slider_sets_the_gain_in_the_board(front_page: Page) -> None:
     assert fields["value"] == round(20.5 * KP.scale)
 
 
+def test_page_says_that_the_cable_is_out_while_the_robot_is_disarmed(front_page: Page) -> None:
+    chip = front_page.locator("[data-chip=state]")
+    wait(front_page, "true")
+    front_page.evaluate(
+        """() => {
+          const { simulation } = document.getElementById("robot");
+          simulation.twist = { v_m_s: 0, w_rad_s: 0 };
+          simulation.link.command("DISARM");
+        }"""
+    )
+    expect(chip).to_have_text("disarmed", timeout=MOTION_MS)
+    front_page.get_by_role("button", name="Unplug the cable for 1 s").click()
+    expect(chip).to_have_text("no link")
+    expect(chip).to_have_text("disarmed", timeout=MOTION_MS)
+    expect(front_page.locator(".robot-fault")).to_be_hidden()
+
+
 @pytest.mark.parametrize(
     ("button", "fault"),
     [

@@ -13,10 +13,11 @@ import { RoomView } from "./room_view.js";
 import panel from "./panel.html";
 
 const STATES = { DISARMED: "disarmed", CLOSED_LOOP: "closed loop", MANUAL: "manual", FAULT: "fault" };
+const UNPLUGGED_MS = 1000;  // the button names it
 const BREAKS = {
   cut: (simulation) => simulation.robot.cutEncoder(0, true),
   block: (simulation) => (simulation.robot.drive.blocked[1] = true),
-  unplug: (simulation) => simulation.unplug(1000),
+  unplug: (simulation) => simulation.unplug(UNPLUGGED_MS),
   drain: (simulation) => (simulation.robot.drive.battery.charge = 0.01),
 };
 
@@ -67,19 +68,19 @@ function chartsOf(find) {
   ];
 }
 
-function showState(find, { newest, pose }, rate) {
+function showState(find, { newest, pose, link }, rate) {
   if (!newest) return;
   find(".robot-stage").dataset.low = pose.y_m < SIZE_M[1] / 2;  // texts keep clear of the robot
   const text = (selector, content) => {
     const node = find(selector);
     if (node.textContent !== content) node.textContent = content;
   };
-  text("[data-chip=state]", STATES[newest.state]);
+  text("[data-chip=state]", link.plugged ? STATES[newest.state] : "no link");
   text("[data-chip=battery]", `${(newest.battery_mV / 1000).toFixed(1)} V`);
   text("[data-chip=rate]", `${rate.toFixed(1)} × real time`);
   const broken = newest.fault !== "NONE";
   find(".robot-fault").hidden = !broken;
-  find("[data-chip=state]").dataset.fault = broken;
+  find("[data-chip=state]").dataset.fault = broken || !link.plugged;
   if (!broken) return;
   find(".robot-hint").hidden = true;
   const { name, hint } = faults[newest.fault];
