@@ -208,7 +208,6 @@ HAZARDS: dict[str, Removal] = {
 NOT_OF_THE_FIRMWARE = frozenset(
     {
         "obstacle in the path",
-        "an obstacle is nearer than the lidar says",
         "many small steps toward an obstacle",
         "somebody walks into the path",
         "lidar silent or unplugged: driving blind",

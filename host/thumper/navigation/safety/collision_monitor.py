@@ -37,9 +37,6 @@ class CollisionMonitorOptions:
 
     # Margin kept round the footprint [m].
     margin_m: Annotated[float, Ge(0)] = 0.02
-    # The same, kept wherever the robot finds another motion [m]: an obstacle may be nearer than it seems by
-    # the lidar's accuracy (URG-04LX: 3 cm) and the error of its mounting (with a ruler: 1 cm).
-    room_m: Annotated[float, Ge(0)] = 0.04
     # Slow zone: a contact sooner than this at the present command slows the robot proportionally [s]; 0 turns
     # it off.
     slow_s: Annotated[float, Ge(0)] = 1.0

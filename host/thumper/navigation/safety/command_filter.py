@@ -29,12 +29,6 @@ NOBODY: FloatArray = np.empty((STEPS, 0, 3))
 # After so long of giving way in total the robot has priority for so long: it waits only for who comes into
 # its path next. While nobody is in conflict, the total falls as slowly as it does with priority.
 GIVING_WAY_S, PRIORITY_S = 6.0, 60.0
-# After so long of looking for motions that keep the room, the robot is in a passage without it. It keeps the
-# margin alone until it has had the room again for so long. The time of looking falls at a fifth of its pace.
-LOOKING_S, ROOMY_AGAIN_S, EASING = 1.0, 2.0, 0.2
-# More room from what is out of view: the matched position wanders while the robot turns, as the lidar's error
-# turns with it.
-REMEMBERED_M = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,8 +67,6 @@ class CommandFilter:
         self._give_way = GiveWay(limits, padded, margin_m=dynamic_obstacles.margin_m)
         self._costmap: Costmap | None = None
         self._gave_way_s, self._has_priority = 0.0, False
-        self._more_room_m = max(0.0, monitor.room_m - monitor.margin_m)
-        self._looked_s, self._tight_s = 0.0, 0.0
 
     def update(self, cycle: CycleInput, model: LocalModel) -> None:
         """Take the cycle's obstacles, and detect the dynamic ones."""
@@ -115,9 +107,7 @@ class CommandFilter:
         With `allow_escape` another motion may replace a rejected one.
         """
         command, reason = wanted.command, wanted.reason
-        points_m, error_m, _ = self._obstacles
-        self._looked_s = max(0.0, self._looked_s - EASING * request.period_s)
-        self._tight_s = max(0.0, self._tight_s - request.period_s)
+        points_m = self._obstacles.points_m
         gives_way = allow_escape and self._gives_way and not self._has_priority
         discs = self._predicted() if gives_way else NOBODY
         is_conflict = gives_way and self._give_way.is_in_conflict(command or Twist2(), request, discs)
@@ -128,34 +118,14 @@ class CommandFilter:
             moving = self._tracks.untracked if gives_way else self._dynamic_obstacles.moving
             if stop := self._waiting_reason(command, request, moving):
                 return FilteredCommand(command=Twist2(), reason=stop, yielding=True)
-            command = self._slowed(command, request, points_m)
-            if allow_escape and (roomy := self._roomy_command(command, request)) is not None:
-                return roomy
-            stop = self._stop_reason(command, request, error_m)
+            command, stop = self._monitored(command, request, points_m)
             if stop is None:
                 return FilteredCommand(command=command)
             reason = stop
-        escaping = self._escaping(request, error_m, reason) if allow_escape else None
-        return escaping or FilteredCommand(command=None, reason=reason)
-
-    def _roomy_command(self, command: Twist2, request: ControlRequest) -> FilteredCommand | None:
-        """Return the command if it keeps room from all obstacles, or an escape that does.
-
-        None if there is none, or the passage is tight.
-        """
-        if self._more_room_m == 0.0:
-            return None
-        _, error_m, seen = self._obstacles
-        error_m = error_m + REMEMBERED_M * (error_m > 0.0)
-        error_m[:seen] += self._more_room_m
-        stop = self._stop_reason(command, request, error_m)
-        if stop is None:
-            return FilteredCommand(command=command)
-        self._looked_s += request.period_s
-        if self._tight_s > 0.0 or self._looked_s > LOOKING_S:
-            self._looked_s, self._tight_s = 0.0, ROOMY_AGAIN_S
-            return None
-        return self._escaping(request, error_m, stop)
+        escape = self._escape_command(request) if allow_escape else None
+        if escape is not None:
+            return FilteredCommand(command=escape, reason=f"escaping: {reason}", escaping=True)
+        return FilteredCommand(command=None, reason=reason)
 
     def _waiting_reason(
         self, command: Twist2, request: ControlRequest, moving: list[MovingObject]
@@ -163,15 +133,14 @@ class CommandFilter:
         """Return why the robot must wait for one of these objects, or None."""
         return self._dynamic_obstacles.stop_reason(command, request.twist, request.map_from_base, moving)
 
-    def _slowed(self, wanted: Twist2, request: ControlRequest, slowing_m: FloatArray) -> Twist2:
-        """Return the command, smoothed, and slowed before these points, shape (n, 2)."""
+    def _monitored(
+        self, wanted: Twist2, request: ControlRequest, slowing_m: FloatArray
+    ) -> tuple[Twist2, str | None]:
+        """Return the command, smoothed, and slowed before these points, and why it must not be driven."""
         command = smooth_velocity(wanted, request.last_command, self._limits, request.period_s)
-        return self._monitor.slow_down(command, slowing_m)
-
-    def _stop_reason(self, command: Twist2, request: ControlRequest, error_m: FloatArray) -> str | None:
-        """Return why the monitor rejects the command, or None; `error_m`, shape (n,), widens its margin."""
-        points_m, _, seen = self._obstacles
-        return self._monitor.stop_reason(
+        command = self._monitor.slow_down(command, slowing_m)
+        points_m, error_m, seen = self._obstacles
+        return command, self._monitor.stop_reason(
             command, request.twist, points_m, error_m, request.period_s, seen=seen
         )
 
@@ -192,14 +161,14 @@ class CommandFilter:
 
         Only what does not walk slows it down: the plans know where people will be.
         """
-        points_m, error_m, _ = self._obstacles
+        points_m = self._obstacles.points_m
         still_m = points_m[~self.are_walking(request.map_from_base.apply(points_m))]
 
         def allowed(wanted: Twist2) -> Twist2 | None:
             if self._waiting_reason(wanted, request, self._tracks.untracked):
                 return None
-            command = self._slowed(wanted, request, still_m)
-            return command if self._stop_reason(command, request, error_m) is None else None
+            command, stop = self._monitored(wanted, request, still_m)
+            return command if stop is None else None
 
         command = self._give_way.best_command(request, discs, allowed)
         what = "waiting for" if command == Twist2() else "giving way to"
@@ -207,9 +176,12 @@ class CommandFilter:
         reason = f"{what} a dynamic obstacle that moves at {speed_m_s:.1f} m/s"
         return FilteredCommand(command=command, reason=reason, yielding=True)
 
-    def _escaping(self, request: ControlRequest, error_m: FloatArray, reason: str) -> FilteredCommand | None:
+    def _escape_command(self, request: ControlRequest) -> Twist2 | None:
         """Return a motion that gains room, if there is one; never toward a dynamic obstacle."""
-        command = self._escape.compute_command(request, self._obstacles.points_m, error_m)
-        if command is None or self._waiting_reason(command, request, self._dynamic_obstacles.moving):
+        command = self._escape.compute_command(
+            request, self._obstacles.points_m, self._obstacles.position_error_m
+        )
+        if command is None:
             return None
-        return FilteredCommand(command=command, reason=f"escaping: {reason}", escaping=True)
+        stop = self._waiting_reason(command, request, self._dynamic_obstacles.moving)
+        return command if stop is None else None

@@ -15,16 +15,7 @@ from thumper.navigation.controllers.controller import ControlResult
 from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.safety.collision_monitor import CollisionMonitorOptions
-from thumper.navigation.safety.command_filter import (
-    EASING,
-    GIVING_WAY_S,
-    LOOKING_S,
-    PRIORITY_S,
-    REMEMBERED_M,
-    ROOMY_AGAIN_S,
-    CommandFilter,
-    FilteredCommand,
-)
+from thumper.navigation.safety.command_filter import GIVING_WAY_S, PRIORITY_S, CommandFilter, FilteredCommand
 from thumper.navigation.safety.dynamic_obstacles import DynamicObstacleOptions, MovingObject
 from thumper.navigation.safety.tracks import STEPS
 from thumper.navigation.speed_limits import SpeedLimits
@@ -32,8 +23,7 @@ from thumper.navigation.speed_limits import SpeedLimits
 SLOW = Twist2(v_m_s=0.04)
 PERIOD_S = 0.1
 NONE = np.empty((0, 2))
-FRONT_M, SIDE_M = 0.21, 0.15
-LESS_ROOM_M = 0.5 * (CollisionMonitorOptions().margin_m + CollisionMonitorOptions().room_m)
+FRONT_M = 0.21
 
 
 class Filter:
@@ -77,11 +67,9 @@ class Filter:
         allow_escape: bool = True,
         last: Twist2 = SLOW,
         seen: int | None = None,
-        error_m: float = 0.0,
     ) -> FilteredCommand:
         count = len(points_m)
-        errors_m = np.full(count, error_m)
-        self.filter._obstacles = ObstaclePoints(points_m, errors_m, count if seen is None else seen)
+        self.filter._obstacles = ObstaclePoints(points_m, np.zeros(count), count if seen is None else seen)
         asked = replace(request(points_m), last_command=last)
         result = ControlResult(command=wanted, reason="" if wanted else "no room")
         return self.filter.filter(result, asked, allow_escape=allow_escape)
@@ -185,48 +173,6 @@ def test_rejected_command_is_replaced_only_if_that_is_allowed() -> None:
     assert escaped.command is not None
     assert escaped.command.v_m_s <= 0.0
     assert escaped.reason.startswith("escaping: stopped before an obstacle")
-
-
-WANTED = Twist2(v_m_s=0.2)
-POST_M = np.array(((0.3, -SIDE_M - LESS_ROOM_M),))  # beside the way, further from it than the margin
-
-
-def test_robot_keeps_room_from_what_may_be_nearer_than_it_seems() -> None:
-    away = Filter().run(WANTED, POST_M, last=WANTED)
-    assert away.escaping
-    assert away.command is not None
-    assert away.command.w_rad_s > 0.0
-    further_m = POST_M - (0.0, 0.02)
-    assert Filter().run(WANTED, further_m, last=WANTED) == FilteredCommand(command=WANTED)
-
-
-def test_robot_keeps_more_room_from_what_it_remembers() -> None:
-    post_m = np.array(((0.33, -SIDE_M - CollisionMonitorOptions().room_m - 0.5 * REMEMBERED_M),))
-    assert Filter().run(WANTED, post_m, last=WANTED) == FilteredCommand(command=WANTED)
-    assert Filter().run(WANTED, post_m, last=WANTED, error_m=0.001).escaping
-
-
-def test_robot_drives_through_a_passage_without_room_to_both_sides() -> None:
-    x_m = np.linspace(FRONT_M + 0.05, 1.0, 40)
-    passage_m = np.vstack([np.column_stack((x_m, np.full(40, side * POST_M[0, 1]))) for side in (1.0, -1.0)])
-    assert Filter().run(WANTED, passage_m, last=WANTED) == FilteredCommand(command=WANTED)
-
-
-def test_robot_passes_with_the_margin_if_looking_for_room_leads_nowhere() -> None:
-    checked = Filter()
-    driven = [checked.run(WANTED, POST_M, last=WANTED) for _ in range(20)]
-    assert driven[-1] == FilteredCommand(command=WANTED)
-    looked_s = PERIOD_S * sum(each.escaping for each in driven)
-    assert looked_s == pytest.approx(LOOKING_S / (1.0 - EASING), abs=2.0 * PERIOD_S)
-
-
-def test_robot_keeps_room_again_when_the_passage_is_behind() -> None:
-    checked = Filter()
-    while checked.run(WANTED, POST_M, last=WANTED).escaping:
-        pass
-    for _ in range(round(ROOMY_AGAIN_S / PERIOD_S) + 1):
-        assert checked.run(WANTED, last=WANTED) == FilteredCommand(command=WANTED)
-    assert checked.run(WANTED, POST_M, last=WANTED).escaping
 
 
 def test_unseen_ground_is_named() -> None:
