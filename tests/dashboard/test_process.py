@@ -14,12 +14,15 @@ import pytest
 from benchmarks.shared.live import free_port, until
 
 
-@pytest.mark.parametrize("taken", ["page", "bus"])
-def test_port_in_use_is_reported_before_the_robot_is_opened(taken: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("taken", "exit_code"), [("page", 1), ("bus", 3)])
+def test_port_in_use_is_reported_before_the_robot_is_opened(
+    taken: str, exit_code: int, tmp_path: Path
+) -> None:
+    board, lidar = (os.ttyname(os.openpty()[1]) for _ in range(2))  # ports that are there, and silent
     ports = {"page": free_port(), "bus": free_port()}
     config = tmp_path / "robot.toml"
     config.write_text(
-        f'[board]\nport = "/dev/ttyNONE9"\n[bus]\naddress = "127.0.0.1:{ports["bus"]}"\n'
+        f'[board]\nport = "{board}"\n[lidar]\nport = "{lidar}"\n[bus]\naddress = "127.0.0.1:{ports["bus"]}"\n'
         f"[dashboard]\nport = {ports['page']}\n",
         encoding="utf-8",
     )
@@ -30,7 +33,7 @@ def test_port_in_use_is_reported_before_the_robot_is_opened(taken: str, tmp_path
             text=True,
             check=False,
         )
-    assert done.returncode == 1
+    assert done.returncode == exit_code
     assert done.stderr.startswith("thumper: ")
     assert done.stderr.count("\n") == 1
     assert f"127.0.0.1:{ports[taken]}" in done.stderr
