@@ -8,15 +8,16 @@ from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.grid.patch_distances import RELEASE, quantized_distances
 from thumper.slam.grid.ray_casting import GridBeams
-from thumper.slam.particle_filter.particle_patches import copy_tables, grow, render, render_occupancy
+from thumper.slam.particle_filter.particle_patches import copy_tables, grow, render_occupancy
 from thumper.slam.particle_filter.patch_inserter import (
     PatchTables,
     PoseGroups,
     RayThinning,
     insert_into_all,
 )
-from thumper.slam.scan_matching.distance_field import DistanceField, insertion_rule
-from thumper.slam.scan_matching.patches import FAR, SIDE, IndexArray, empty_pool
+from thumper.slam.scan_matching.distance_field import ByteArray, DistanceField, insertion_rule
+from thumper.slam.scan_matching.patch_grid import PatchGrid, grown_table, plain
+from thumper.slam.scan_matching.patches import SIDE, IndexArray, empty_pool
 
 FIRST_PATCHES = 256
 SPARE_PATCHES = 256  # added beyond what is needed, so that the pool does not grow at each scan
@@ -87,7 +88,7 @@ class ParticleMaps:
 
     def distance_field(self, particle: int) -> DistanceField:
         """Return one particle's distance field as a plain array, for the window search."""
-        distance = render(self.tables[particle], self.pool.distance, FAR)
+        distance = self._plain(self.tables[particle], self.pool.distance)
         distance_m = distance * np.float32(self.max_distance_cells * self.resolution_m / 254.0)
         max_distance_m = float(np.float32(self.max_distance_cells * self.resolution_m))
         return DistanceField(distance_m, self.resolution_m, max_distance_m)
@@ -113,11 +114,16 @@ class ParticleMaps:
         """Return a copy of one particle's hits and misses, no larger than its patches."""
         table, row, col = self._used_table(particle)
         return HitCounts(
-            hits=render(table, self.pool.hits, 0).astype(np.uint16),
-            misses=render(table, self.pool.misses, 0).astype(np.uint16),
+            hits=self._plain(table, self.pool.hits).astype(np.uint16),
+            misses=self._plain(table, self.pool.misses).astype(np.uint16),
             first_cell=(SIDE * (self._first_row + row), SIDE * (self._first_col + col)),
             resolution_m=self.resolution_m,
         )
+
+    def _plain(self, table: IndexArray, source: ByteArray) -> ByteArray:
+        """Return the cells of one of the pool's arrays, shape (rows * SIDE, columns * SIDE)."""
+        rows, cols = table.shape
+        return plain(PatchGrid(table, self.pool, 0, 0), source, (rows * SIDE, cols * SIDE))
 
     def _used_table(self, particle: int) -> tuple[IndexArray, int, int]:
         """Return the part of its table that holds patches, and that part's first row and column."""
@@ -133,17 +139,15 @@ class ParticleMaps:
         patch_m = SIDE * self.resolution_m
         left, top = (int(v) for v in np.floor(low_m / patch_m))
         right, bottom = (int(v) + 1 for v in np.floor(high_m / patch_m))
-        particles, rows, cols = self.tables.shape
+        rows, cols = self.tables.shape[1:]
         if rows:
             left, right = min(left, self._first_col), max(right, self._first_col + cols)
             top, bottom = min(top, self._first_row), max(bottom, self._first_row + rows)
             if (bottom - top, right - left) == (rows, cols):
                 return
-        tables = np.zeros((particles, bottom - top, right - left), dtype=np.int32)
         r, c = self._first_row - top, self._first_col - left
-        if rows:
-            tables[:, r : r + rows, c : c + cols] = self.tables
-        self.tables, self._first_row, self._first_col = tables, top, left
+        self.tables = grown_table(self.tables, (bottom - top, right - left), r, c)
+        self._first_row, self._first_col = top, left
         self._layer = np.zeros((SIDE * (bottom - top), SIDE * (right - left)), dtype=np.uint8)
 
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from thumper.common.numba_kernel import kernel
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, CellArray
-from thumper.slam.scan_matching.distance_field import ByteArray
 from thumper.slam.scan_matching.patches import SIDE, IndexArray, Pool
 
 
@@ -44,18 +43,6 @@ def copy_tables(tables: IndexArray, parents: IndexArray, pool: Pool) -> None:
                         pool.free[pool.free_count[0]] = old
                         pool.free_count[0] += 1
                 tables[k, r, c] = new
-
-
-@kernel
-def render(table: IndexArray, source: ByteArray, unknown: int) -> ByteArray:
-    """Return one particle's cells as a plain array, shape (rows * SIDE, columns * SIDE)."""
-    rows, cols = table.shape
-    out = np.full((rows * SIDE, cols * SIDE), unknown, dtype=np.uint8)
-    for r in range(rows):
-        for c in range(cols):
-            if table[r, c] != 0:
-                out[r * SIDE : (r + 1) * SIDE, c * SIDE : (c + 1) * SIDE] = source[table[r, c]]
-    return out
 
 
 @kernel

@@ -71,8 +71,8 @@ def plain(cells: PatchGrid, source: LevelArray, shape: tuple[int, int]) -> NDArr
             patch = cells.table[r >> SIDE_BITS, pc]
             if patch != 0:
                 first = pc * SIDE - cells.col
-                for col in range(max(0, first), min(shape[1], first + SIDE)):
-                    found[row, col] = source[patch, r & MASK, (col + cells.col) & MASK]
+                left, right = max(0, first), min(shape[1], first + SIDE)
+                found[row, left:right] = source[patch, r & MASK, left - first : right - first]
     return found
 
 
@@ -101,7 +101,7 @@ def own_memory(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
 
 
 def larger_pool(pool: Pool, far: np.generic) -> Pool:
-    """Return a pool with the same patches and twice the room. None may have been freed, or be shared.
+    """Return a copy of the pool with twice the room. No patch may have been freed, or be shared.
 
     `far` is the level of the largest distance.
     """
@@ -115,9 +115,10 @@ def larger_pool(pool: Pool, far: np.generic) -> Pool:
 
 
 def grown_table(table: IndexArray, shape: tuple[int, int], top: int, left: int) -> IndexArray:
-    """Return a table of this shape, with the old one at [top, left]."""
-    new = np.zeros(shape, np.int32)
-    new[top : top + table.shape[0], left : left + table.shape[1]] = table
+    """Return tables, shape (..., *shape), with the old ones, shape (..., rows, columns), at [top, left]."""
+    rows, cols = table.shape[-2:]
+    new = np.zeros((*table.shape[:-2], *shape), np.int32)
+    new[..., top : top + rows, left : left + cols] = table
     return new
 
 

@@ -1,4 +1,4 @@
-"""Maps as square patches: memory where beams have been, and growth without a copy.
+"""Maps as square patches: memory where beams have been, and growth that copies a table of patch numbers.
 
 A map is a table of patch numbers. Patch 0 is unknown space: it is never written and belongs to all maps. The
 particle filter's maps share patches until one of their owners writes (copy on write). Copying a particle

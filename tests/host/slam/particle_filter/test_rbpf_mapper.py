@@ -17,7 +17,7 @@ from thumper.slam.grid.patch_distances import RELEASE, quantized_distances
 from thumper.slam.grid.scan_inserter import COUNT_MAX
 from thumper.slam.particle_filter.options import RbpfOptions
 from thumper.slam.particle_filter.particle_maps import SPARE_PATCHES
-from thumper.slam.particle_filter.particle_patches import copy_tables, grow, render
+from thumper.slam.particle_filter.particle_patches import copy_tables, grow
 from thumper.slam.particle_filter.patch_free_space import count_misses
 from thumper.slam.particle_filter.rbpf_mapper import RbpfMapper
 from thumper.slam.scan_matching.patches import FAR, empty_pool, writable
@@ -89,7 +89,7 @@ def test_updated_distances_equal_distances_from_the_walls() -> None:
     maps = mapper.maps
     distance_m = maps.distance_field(mapper._best).distance_m
     table = maps.tables[mapper._best]
-    hits, misses = (render(table, counts, 0).astype(int) for counts in (maps.pool.hits, maps.pool.misses))
+    hits, misses = (maps._plain(table, counts).astype(int) for counts in (maps.pool.hits, maps.pool.misses))
     walls, share = distance_m == 0.0, hits / np.maximum(hits + misses, 1)
     assert np.count_nonzero(walls) > 200
     assert share[walls].min() >= RELEASE * 0.25  # a wall is released later than it is set
