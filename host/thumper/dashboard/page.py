@@ -13,7 +13,7 @@ from nicegui import ui
 from thumper.dashboard.board_parameters import Parameters
 from thumper.dashboard.gains_panel import GainsPanel
 from thumper.dashboard.simulator_panel import SimulatorPanel
-from thumper.dashboard.widgets import STATIC, Widget, box, button, inline, show_loading
+from thumper.dashboard.widgets import Widget, begin_page, box, button, inline
 from thumper.ros.service import QueryClient
 
 DEFAULT_NAME = "thumper"  # of a robot
@@ -71,12 +71,7 @@ def page_title(robot: str) -> str:
 
 def build_page(options: PageOptions, robot: QueryClient) -> None:
     """Build the page for one browser."""
-    ui.colors(primary="#2f81f7", negative="#d1242f", positive="#1a7f37", dark="#18222d", dark_page="#0f1720")
-    show_loading()
-    for sheet in ("uplot/uPlot.min.css", "style.css"):
-        ui.add_css(STATIC / sheet)
-    dark = ui.dark_mode(value=None)
-    ui.query(".nicegui-content").classes("tp-content")
+    dark = begin_page("uplot/uPlot.min.css", "style.css")
     _header(options, dark)
     with box("tp-banner-row"):
         box("tp-banner").props("id=tp-banner data-kind=lost role=status")

@@ -7,6 +7,8 @@ from typing import Any
 from nicegui import ui
 from nicegui.element import Element
 
+from thumper.common.colours import GREEN, RED
+
 STATIC = Path(__file__).parent / "static"
 LOADING = """<div id="tp-loading" role="status"><b>Thumper</b>Loading the dashboard …</div>
 <style>
@@ -36,10 +38,19 @@ class Widget(Element, component="widget.js", esm={"thumper-dashboard": str(STATI
         self._props["options"] = options or {}
 
 
-def show_loading() -> None:
-    """Show at once that the page loads; `static/index.js` removes it."""
+def begin_page(*sheets: str) -> ui.dark_mode:
+    """Set a page's colours and style sheets; return its scheme, which follows the system.
+
+    It shows at once that the page loads; `static/index.js` removes that.
+    """
+    ui.colors(primary="#2f81f7", negative=RED, positive=GREEN, dark="#18222d", dark_page="#0f1720")
     ui.add_body_html(LOADING)
     ui.add_head_html(PRELOAD % json.dumps(sorted(path.name for path in STATIC.glob("*.js"))))
+    for sheet in sheets:
+        ui.add_css(STATIC / sheet)
+    dark = ui.dark_mode(value=None)
+    ui.query(".nicegui-content").classes("tp-content")
+    return dark
 
 
 def box(classes: str) -> ui.element:

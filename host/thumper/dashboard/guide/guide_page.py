@@ -11,7 +11,7 @@ from thumper.dashboard.guide.step_controls import TITLES, StepControls
 from thumper.dashboard.page import PageOptions
 from thumper.dashboard.page_commands import PageCommands
 from thumper.dashboard.server_limits import drop_abandoned_pages
-from thumper.dashboard.widgets import STATIC, Widget, box, button, inline, show_loading
+from thumper.dashboard.widgets import STATIC, Widget, begin_page, box, button, inline
 
 PERIOD_S = 0.25
 SHOWN_LINES = 12
@@ -50,12 +50,7 @@ def add_guide(guide: Guide, robot: WatchedBus, options: PageOptions, commands: P
 
 def _build_page(guide: Guide, options: PageOptions) -> None:
     """Build the page for one browser."""
-    ui.colors(primary="#2f81f7", negative="#d1242f", positive="#1a7f37", dark="#18222d", dark_page="#0f1720")
-    show_loading()
-    for sheet in ("style.css", "guide.css"):
-        ui.add_css(STATIC / sheet)
-    ui.dark_mode(value=None)
-    ui.query(".nicegui-content").classes("tp-content")
+    begin_page("style.css", "guide.css")
     with ui.element("header").classes("tp-header"):
         inline(
             '<b class="tp-brand">Thumper</b><span>First run</span><span class="tp-chips">'
