@@ -11,6 +11,7 @@ import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from thumper.cli import bus
+from thumper.cli.bash_completion import in_bash
 from thumper.cli.dashboard import dashboard
 from thumper.cli.dock import dock
 from thumper.cli.doctor import doctor
@@ -260,7 +261,8 @@ def main() -> None:
             if signal.getsignal(number) is not signal.SIG_IGN:
                 signal.signal(number, signal.default_int_handler)
         end_with_parent()
-        sys.exit(app(prog_name="thumper", standalone_mode=False))
+        with in_bash():
+            sys.exit(app(prog_name="thumper", standalone_mode=False))
     except UsageError as error:
         if type(error).__name__ == "NoArgsIsHelpError":
             print(error.message)  # empty if rich has printed the help

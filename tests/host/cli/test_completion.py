@@ -8,6 +8,7 @@ from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
 from thumper.cli.app import build_app
+from thumper.cli.bash_completion import whole_words
 
 
 def offered(command: str, option: str, typed: str = "") -> list[str]:
@@ -42,3 +43,21 @@ def test_a_plug_in_without_urls_offers_none(monkeypatch: pytest.MonkeyPatch) -> 
     other = EntryPoint("other", "json", "thumper.serial_protocols")
     monkeypatch.setattr("thumper.cli.options.common.entry_points", lambda group: [other])
     assert offered("run", "--board", "sim") == ["sim://"]
+
+
+@pytest.mark.parametrize(
+    ("words", "joined", "kept"),
+    [
+        (["thumper", "watch", "po"], "po", 0),
+        (["thumper", "run", "--board", "sim", ":"], "sim:", 4),
+        (["thumper", "run", "--board", "sim", ":", "//?world", "=", "la"], "sim://?world=la", 13),
+        (["thumper", "run", "--board", "=", "sim", ":", "//?w"], "--board=sim://?w", 4),
+        (["thumper", "sim", "--lidar", "="], "--lidar=", 0),
+        (["thumper", "sim", ""], "", 0),
+        (["thumper", "run", "--board", "'sim://?world=la"], "'sim://?world=la", 0),
+    ],
+)
+def test_words_that_bash_splits_are_joined(words: list[str], joined: str, kept: int) -> None:
+    whole, length = whole_words(words, len(words) - 1)
+    assert (whole[-1], length) == (joined, kept)
+    assert whole[0] == "thumper"

@@ -9,10 +9,7 @@ import typer
 
 
 def _ports(incomplete: str) -> list[str]:
-    """Return what Tab offers for a port: serial ports and simulated robots; their worlds after `sim`.
-
-    Bash splits words at `:`: it offers nothing after `sim:`.
-    """
+    """Return what Tab offers for a port: serial ports and simulated robots; their worlds after `sim`."""
     from thumper.doctor.usb_ports import usb_ports
 
     offered = [*(port.device for port in usb_ports()), "sim://"]
