@@ -15,7 +15,8 @@ TELEOP = '{"kind": "teleop", "forward": 0.5, "left": -1, "turbo": false}'
 TURN = '{"kind": "teleop", "forward": 0, "left": 0.5, "turbo": false}'
 RELEASE = '{"kind": "teleop", "forward": 0, "left": 0, "turbo": false}'
 GOAL = '{"kind": "goal", "x_m": 1, "y_m": 2, "yaw_rad": null}'
-WAYPOINTS = '{"kind": "waypoints", "places": [[1, 2], [3, 4]]}'
+STOP = '{"x_m": 1, "y_m": 2, "yaw_rad": null, "wait_s": 0, "record": false}'
+WAYPOINTS = '{"kind": "waypoints", "goals": [' + STOP + "]}"
 PLACE_GOAL = '{"kind": "place_goal", "name": "kitchen"}'
 PATROL = '{"kind": "patrol", "places": ["kitchen", "door"], "rounds": 2}'
 EXPERIMENT = '{"kind": "experiment", "name": "tune_wheels", "lane_m": 2}'
@@ -30,6 +31,7 @@ class Robot:
     def __init__(self) -> None:
         self.sent: list[tuple[str, str]] = []  # topic or service, source
         self.messages: list[Any] = []
+        self.asked: list[Mapping[str, Any]] = []
 
     def publish(self, topic: str, message: Any, *, source: str) -> None:
         self.sent.append((topic, source))
@@ -37,6 +39,7 @@ class Robot:
 
     def query(self, name: str, payload: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
         self.sent.append((name, source))
+        self.asked.append(payload)
         return {"ok": True, "mission": 1, "text": "done"}
 
 
@@ -120,13 +123,13 @@ def test_the_joystick_overrides_the_assistance_on_request() -> None:
     assert pages.robot.messages[-2].data is True
 
 
-def test_single_waypoint_is_a_goal() -> None:
+def test_waypoints_are_a_mission_with_headings_only_where_they_are_set() -> None:
     pages = Pages()
-    assert pages.send("a", '{"kind": "waypoints", "places": [[1, 2]]}')[1] == ("mission/send", "a")
-
-
-def test_several_waypoints_are_a_path() -> None:
-    assert Pages().send("a", WAYPOINTS)[1] == ("waypoints", "a")
+    turned = STOP.replace("null", "1.5")
+    pages.send("a", f'{{"kind": "waypoints", "goals": [{STOP}, {turned}]}}')
+    goals = pages.robot.asked[-1]["goals"]
+    assert [goal.get("yaw_rad") for goal in goals] == [None, 1.5]
+    assert "yaw_rad" not in goals[0]
 
 
 def test_anyone_changes_the_map_but_only_by_a_valid_feature() -> None:

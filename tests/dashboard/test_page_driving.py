@@ -7,7 +7,7 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
-from thumper.runtime.requests import GoTo, Heartbeat, Query, SetPose
+from thumper.runtime.requests import Heartbeat, Query, SetPose
 
 TO_SCREEN = """([x, y]) => {
   const view = document.querySelector('.tp-map').mapView;
@@ -54,14 +54,17 @@ def test_pose_estimate_and_waypoints(page: Page, robot: FakeRobot) -> None:
     pose = until(lambda: robot.received_of(SetPose))[0].map_from_base
     assert (pose.x_m, pose.y_m, pose.theta_rad) == pytest.approx((2.0, 1.0, 0.0), abs=0.03)
     page.keyboard.press("w")
-    for place_m in ((1.0, 0.5), (3.0, 0.5), (3.0, 1.2)):
-        drag(page, place_m, place_m)
+    drag(page, (1.0, 0.5), (1.0, 0.5))
+    page.check(".tp-waypointbar input[type=checkbox]")
+    expect(page.locator(".tp-waypointbar input[type=number]")).to_have_value("5")
+    drag(page, (3.0, 0.5), (3.0, 1.2))  # with a heading
     page.click(".tp-waypointbar >> text=Drive")
-    goals = until(lambda: robot.received_of(GoTo))[0].goals
-    assert [(g.x_m, g.y_m) for g in goals] == [
-        pytest.approx(place_m, abs=0.02) for place_m in ((1.0, 0.5), (3.0, 0.5), (3.0, 1.2))
-    ]
-    assert goals[1].theta_rad == pytest.approx(math.pi / 2, abs=0.03)  # towards the next one
+    first, second = until(lambda: queries_of(robot, "mission/follow"))[0].content["goals"]
+    assert (first["x_m"], first["y_m"]) == pytest.approx((1.0, 0.5), abs=0.02)
+    assert (second["x_m"], second["y_m"]) == pytest.approx((3.0, 0.5), abs=0.02)
+    assert first | {"x_m": 0.0, "y_m": 0.0} == {"x_m": 0.0, "y_m": 0.0, "wait_s": 0.0, "record": False}
+    assert second["yaw_rad"] == pytest.approx(math.pi / 2, abs=0.03)
+    assert (second["wait_s"], second["record"]) == (5.0, True)
 
 
 def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:

@@ -26,6 +26,7 @@ from thumper.dashboard.page_messages import (
 from thumper.dashboard.pose_history import PoseHistory
 from thumper.dashboard.rate_limit import RateLimit
 
+STOP = {"x_m": 0.0, "y_m": 0.0, "yaw_rad": None, "wait_s": 0.0, "record": False}
 GOAL = {"kind": "goal", "x_m": 1.0, "y_m": -2.0, "yaw_rad": None}
 
 
@@ -50,9 +51,12 @@ def test_valid_messages_are_parsed() -> None:
         {"kind": "teleop", "forward": 1.5, "left": 0.0, "turbo": False},
         {"kind": "teleop", "forward": 0.5, "left": 0.0, "turbo": 1},
         {"kind": "command", "name": "format"},
-        {"kind": "waypoints", "places": []},
-        {"kind": "waypoints", "places": [[1.0, 2.0, 3.0]]},
-        {"kind": "waypoints", "places": [[0.0, 0.0]] * 51},
+        {"kind": "waypoints", "goals": []},
+        {"kind": "waypoints", "goals": [[1.0, 2.0]]},
+        {"kind": "waypoints", "goals": [STOP] * 51},
+        {"kind": "waypoints", "goals": [STOP | {"wait_s": -1.0}]},
+        {"kind": "waypoints", "goals": [STOP | {"wait_s": 3600.1}]},
+        {"kind": "waypoints", "goals": [STOP | {"record": 1}]},
         {"kind": "patrol", "places": [], "rounds": 1},
         {"kind": "patrol", "places": ["a"], "rounds": 1001},
         {"kind": "place_goal", "name": ""},
@@ -177,10 +181,10 @@ def test_every_number_has_its_limits(
 
 
 def test_every_list_and_name_has_its_limits() -> None:
-    for places in ([[0.0, 0.0]], [[0.0, 0.0]] * 50):
-        parse_message(json.dumps({"kind": "waypoints", "places": places}))
-    with pytest.raises(PageMessageError, match="places"):
-        parse_message(json.dumps({"kind": "waypoints", "places": [[0.0]]}))
+    for goals in ([STOP], [STOP | {"yaw_rad": 1.5, "wait_s": 3600.0, "record": True}] * 50):
+        parse_message(json.dumps({"kind": "waypoints", "goals": goals}))
+    with pytest.raises(PageMessageError, match="goals"):
+        parse_message(json.dumps({"kind": "waypoints", "goals": [{"x_m": 0.0}]}))
     for name in ("a", "a" * 40):
         parse_message(json.dumps({**EXPERIMENT, "name": name}))
     for name in ("", "a" * 41, "../a", "A"):

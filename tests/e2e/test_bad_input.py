@@ -132,6 +132,9 @@ def test_log_with_one_scan(thumper: Run, tmp_path: Path) -> None:
         (("--tolerance", "0.2"), "--tolerance belongs to --goal"),
         (("--clear-fault",), "--clear-fault belongs to --goal"),
         (("--goal", "1", "0", "--speed", "2"), "--speed belongs to a run without a goal"),
+        (("--route", "r.toml", "--speed", "2"), "--speed belongs to a run without a goal"),
+        (("--route", "r.toml", "--goal", "1", "0"), "--goal belongs to a run without --route"),
+        (("--route", "r.toml", "--tolerance", "0.2"), "--tolerance belongs to a run without --route"),
     ],
 )
 def test_an_option_without_effect(thumper: Run, arguments: tuple[str, ...], named: str) -> None:

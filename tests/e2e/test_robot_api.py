@@ -121,7 +121,7 @@ def test_the_first_logged_pose_is_the_start() -> None:
 
 def test_patrol_drives_all_rounds_and_logs_every_pose() -> None:
     with Robot("sim://") as robot:
-        result = robot.patrol([(0.4, 0.0), (0.4, -0.4)], rounds=2, wait_s=3.0)
+        result = robot.patrol([(0.4, 0.0), (0.4, -0.4, 1.57)], rounds=2, wait_s=3.0)
         assert result.reached, result.reason
         stationary = np.abs(robot.log.speeds[:, 1:]).max(axis=1) < 0.01
         stops, starts = (np.flatnonzero(np.diff(stationary.astype(int)) == sign) for sign in (1, -1))
@@ -129,6 +129,7 @@ def test_patrol_drives_all_rounds_and_logs_every_pose() -> None:
         assert len(starts) == 4
         assert (waits_s > 2.9).all()
         assert 1.0 < result.path_length_m < 3.0
+        assert robot.pose.theta_rad == pytest.approx(1.57, abs=0.3)
         robot.drive(v_m_s=0.1)
         poses, speeds = robot.log.poses, robot.log.speeds
     assert poses[-1, 0] - poses[0, 0] == pytest.approx(speeds[-1, 0] - speeds[0, 0], abs=0.5)
@@ -234,6 +235,8 @@ def test_each_result_has_the_time_and_length_of_its_drive() -> None:
         (lambda robot: robot.patrol([]), "at least one place"),
         (lambda robot: robot.patrol(cast("Any", [1.0, 2.0])), "a list of places"),
         (lambda robot: robot.patrol([(0.5, 0.0)], rounds=0), "1 round"),
+        (lambda robot: robot.patrol([(0.5, 0.0, 90)]), "pass degrees as heading_deg=90"),
+        (lambda robot: robot.patrol(cast("Any", [(0.5, 0.0, 1.0, 1.0)])), "a list of places"),
         (lambda robot: robot.patrol([(0.5, 0.0)], wait_s=-1.0), r"wait_s of 0\.\.\.3600 s"),
         (lambda robot: robot.explore(minutes=-1.0), "more than 0 minutes"),
         (lambda robot: robot.wait(0.0), "more than 0 and up to 600 s"),

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -183,6 +184,29 @@ def test_a_mission_of_several_goals(service: Service) -> None:
     assert (state["state"], state["leg"], state["legs"]) == ("driving", 0, 2)
     service.until(lambda: service.ask("mission/state")["state"] == "reached")
     assert service.ask("mission/state")["leg"] == 1
+
+
+def test_a_mission_records_while_it_waits(service: Service) -> None:
+    commands: list[str] = []
+    for name in ("record_start", "record_stop"):
+        service.robot.request_handler.handlers[name] = partial(_note, commands, name)
+    goals = [
+        {"x_m": 0.5, "y_m": 0.0, "yaw_rad": 0.5, "wait_s": 1.0, "record": True},
+        {"x_m": 0.5, "y_m": 0.0},
+    ]
+    service.ask("mission/follow", {"goals": goals})
+    service.until(lambda: bool(commands))
+    assert commands == ["record_start"]
+    state = service.robot.inputs.estimator.state()
+    assert state is not None
+    assert state.map_from_base.theta_rad == pytest.approx(0.5, abs=0.2)
+    service.until(lambda: service.ask("mission/state")["state"] == "reached")
+    assert commands == ["record_start", "record_stop"]
+
+
+def _note(seen: list[str], name: str) -> str:
+    seen.append(name)
+    return name
 
 
 def test_clear_costmaps_forgets_remembered_obstacles(service: Service) -> None:

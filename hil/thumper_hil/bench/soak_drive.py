@@ -107,7 +107,7 @@ class SoakDriver:
         report.required += 1
         report.required_reached += reached
         if not reached:
-            x_m, y_m = mission.waypoints.goals[0].x_m, mission.waypoints.goals[0].y_m
+            x_m, y_m = mission.legs[0].goal.x_m, mission.legs[0].goal.y_m
             report.failures.append(
                 f"drive {report.drives} to ({x_m}, {y_m}), {fault or 'no fault'}, is {mission.state.value}: "
                 f"{mission.reason or self._robot.drive_manager.reason}"

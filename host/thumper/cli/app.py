@@ -91,6 +91,7 @@ OPTION_PANELS = {  # of the commands with many options
         "waypoint",
         "patrol",
         "wait",
+        "route",
         "tolerance",
         "clear_fault",
         "minutes",

@@ -57,6 +57,12 @@ def run(
     wait: Annotated[
         float, typer.Option(help="Wait at each waypoint and the goal, in seconds.", min=0.0, max=3600.0)
     ] = 0.0,
+    route: Annotated[
+        Path | None,
+        typer.Option(
+            help="TOML file of waypoints with headings, waits and recordings, instead of the options above."
+        ),
+    ] = None,
     board: BoardPort = "",
     lidar: LidarPort = "",
     start: StartPose = None,
@@ -95,6 +101,7 @@ def run(
     from rich.console import Console
 
     from thumper.cli.robot_run import RunOptions
+    from thumper.cli.route import load_route
     from thumper.common.errors import EXIT_USAGE, ThumperError
 
     if goal_gps is not None:
@@ -108,10 +115,17 @@ def run(
         raise ThumperError("--heading belongs to --goal X Y", exit_code=EXIT_USAGE)
     if patrol > 1 and not places:
         raise ThumperError("--patrol belongs to --waypoint X Y or --goal X Y", exit_code=EXIT_USAGE)
-    _refuse_unused(
-        context, ("speed",) if places else ("tolerance", "clear_fault", "wait"), has_goal=bool(places)
-    )
+    if route is not None:
+        names = ("goal", "goal_gps", "heading", "waypoint", "patrol", "wait", "tolerance")
+        _refuse_given(context, names, "a run without --route, whose file says it")
+    elif not places:
+        need = "--goal, --waypoint or --route; `thumper goto` has its own"
+        _refuse_given(context, ("tolerance", "clear_fault", "wait"), need)
+    if places or route is not None:
+        _refuse_given(context, ("speed",), "a run without a goal")
     waypoints = _waypoints(places, heading, tolerance, patrol, wait)
+    if route is not None:
+        waypoints = load_route(route, saved_map, session)
     options = RunOptions(
         config=config,
         board=board,
@@ -132,15 +146,14 @@ def run(
         _drive(options, waypoints, Console(), clear_fault=clear_fault)
 
 
-def _refuse_unused(context: typer.Context, names: tuple[str, ...], *, has_goal: bool) -> None:
-    """Raise ThumperError for an option that has no effect with or without a goal."""
+def _refuse_given(context: typer.Context, names: tuple[str, ...], need: str) -> None:
+    """Raise ThumperError for an option that is given but has no effect in this run."""
     from thumper.common.errors import EXIT_USAGE, ThumperError
 
     for name in names:
         source = context.get_parameter_source(name)
         if source is not None and source.name != "DEFAULT":
             option = f"--{name.replace('_', '-')}"
-            need = "a run without a goal" if has_goal else "--goal or --waypoint; `thumper goto` has its own"
             raise ThumperError(f"{option} belongs to {need}", exit_code=EXIT_USAGE)
 
 
@@ -167,10 +180,16 @@ def _drive(options: "RunOptions", waypoints: "Waypoints", console: "Console", *,
     from thumper.cli.robot_run import opened_robot, run_and_report
     from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
     from thumper.runtime.drive.tasks import follow_waypoints
+    from thumper.runtime.service.recorded_wait import recorded_wait
 
     goals = [leg.goal for leg in waypoints.legs()]
     with opened_robot(options, options.load_settings(), goals=goals) as robot:
-        task = follow_waypoints(waypoints, clear_fault=clear_fault)
+        handlers = robot.request_handler.handlers
+        task = follow_waypoints(
+            waypoints,
+            clear_fault=clear_fault,
+            recording=lambda: recorded_wait(robot.publisher, lambda name: handlers[name]()),
+        )
         run = run_and_report(robot, task, options.out, console)
     result = run.result
     summary = f"{result.path_length_m:.2f} m in {result.time_s:.1f} s"
@@ -200,7 +219,7 @@ def _waypoints(
     goals = [Goal(x_m=x_m, y_m=y_m, tolerance_m=tolerance_m) for x_m, y_m in places]
     if heading_deg is not None:
         goals[-1] = replace(goals[-1], theta_rad=math.radians(heading_deg))
-    return Waypoints(goals=tuple(goals), rounds=rounds, waits_s=len(goals) * (wait_s,))
+    return Waypoints.at(*goals, rounds=rounds, wait_s=wait_s)
 
 
 def _place_of(

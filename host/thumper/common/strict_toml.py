@@ -54,15 +54,7 @@ def read_checked(
     ThumperError
         The file cannot be read, is not valid TOML, or has a wrong key, type or value. The error names it.
     """
-    try:
-        data = load_toml(path)
-    except OSError as error:
-        raise ThumperError(
-            f"{path}: cannot read the {what} ({error.strerror}); check the path", exit_code=EXIT_USAGE
-        ) from error
-    except ValueError as error:
-        problem, line = _problem_and_line(error)
-        raise ThumperError(f"{path}{line}: not valid TOML: {problem}", exit_code=EXIT_USAGE) from error
+    data = read_tables(path, what)
     _check_keys(data, options_type, path, "", removed, list(_key_paths(options_type)))
     try:
         # Through JSON, because strict mode accepts a table for a dataclass only there.
@@ -75,6 +67,19 @@ def read_checked(
         setting = key if is_table else f"{key} = {first['input']!r}"
         reason = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
         raise ThumperError(f"{path}: {setting}: {reason}", exit_code=EXIT_USAGE) from error
+
+
+def read_tables(path: Path, what: str) -> dict[str, Any]:
+    """Return the content of a TOML file; raise ThumperError if it cannot be read or is not valid TOML."""
+    try:
+        return load_toml(path)
+    except OSError as error:
+        raise ThumperError(
+            f"{path}: cannot read the {what} ({error.strerror}); check the path", exit_code=EXIT_USAGE
+        ) from error
+    except ValueError as error:
+        problem, line = _problem_and_line(error)
+        raise ThumperError(f"{path}{line}: not valid TOML: {problem}", exit_code=EXIT_USAGE) from error
 
 
 def _problem_and_line(error: ValueError) -> tuple[str, str]:

@@ -10,8 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
-import numpy as np
-
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.dashboard.page_messages import (
@@ -116,10 +114,6 @@ class PageCommands:
             case InitialPose():
                 pose = Pose2(x_m=message.x_m, y_m=message.y_m, theta_rad=message.yaw_rad)
                 self._robot.publish("initialpose", self._messages.pose(now_s, pose), source=page)
-            case WaypointsMessage() if len(message.places) > 1:  # with headings to the next one each
-                self._robot.publish(
-                    "waypoints", self._messages.path(now_s, np.array(message.places)), source=page
-                )
             case _:
                 return self._query(page, message)
         return None
@@ -129,8 +123,8 @@ class PageCommands:
         query: PendingQuery | None = None
         match message:
             case WaypointsMessage():
-                ((x_m, y_m),) = message.places
-                query = self._ask(services.MISSION_SEND, SendMission(x_m=x_m, y_m=y_m), page)
+                goals = [goal.model_dump(exclude_none=True) for goal in message.goals]
+                query = self._ask(services.MISSION_FOLLOW, {"goals": goals}, page)
             case GoalMessage():
                 goal = SendMission(x_m=message.x_m, y_m=message.y_m, yaw_rad=message.yaw_rad)
                 query = self._ask(services.MISSION_SEND, goal, page)

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, TypeAdapter, Val
 from thumper.common.texts import shortened
 from thumper.maps.library import RECORDING
 from thumper.navigation.goal import FARTHEST_M
+from thumper.runtime.requests import MAX_WAIT_S
 
 MAX_MESSAGE_BYTES = 8192
 MAX_WAYPOINTS = 50
@@ -14,7 +15,6 @@ MAX_ROUNDS = 1000
 
 Metres = Annotated[FiniteFloat, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 Heading = Annotated[FiniteFloat, Field(ge=-6.2832, le=6.2832)]
-Place = Annotated[list[Metres], Field(min_length=2, max_length=2)]  # x, y
 Name = Annotated[str, Field(min_length=1, max_length=40)]
 FileName = Annotated[str, Field(min_length=1, max_length=40 + len(RECORDING))]
 Share = Annotated[FiniteFloat, Field(ge=-1.0, le=1.0)]
@@ -55,11 +55,21 @@ class InitialPose(_PageMessage):
     yaw_rad: Heading
 
 
+class PageWaypoint(_PageMessage):
+    """A goal, and what the robot does there; None allows any heading."""
+
+    x_m: Metres
+    y_m: Metres
+    yaw_rad: Heading | None
+    wait_s: Annotated[FiniteFloat, Field(ge=0.0, le=MAX_WAIT_S)]
+    record: bool
+
+
 class WaypointsMessage(_PageMessage):
     """Drive to these waypoints, one after another."""
 
     kind: Literal["waypoints"]
-    places: Annotated[list[Place], Field(min_length=1, max_length=MAX_WAYPOINTS)]
+    goals: Annotated[list[PageWaypoint], Field(min_length=1, max_length=MAX_WAYPOINTS)]
 
 
 class Teleop(_PageMessage):

@@ -71,19 +71,28 @@ def angle_rad(call: str, rad: float | None, deg: float | None, name: str) -> flo
     return result
 
 
-def places(call: str, values: object) -> tuple[tuple[float, float], ...]:
-    """Return places (x_m, y_m) as pairs of numbers."""
+def places(call: str, values: object) -> tuple[tuple[float, ...], ...]:
+    """Return places (x_m, y_m) or (x_m, y_m, heading_rad)."""
     try:
-        pairs = tuple((number(call, x_m), number(call, y_m)) for x_m, y_m in values)  # type: ignore[attr-defined]
-    except (TypeError, ValueError) as error:
+        result = tuple(_place(call, *value) for value in values)  # type: ignore[attr-defined]
+    except TypeError as error:
         raise ThumperError(
-            f"{call}: pass a list of places, such as [(1.0, 0.0), (1.0, 1.0)]", exit_code=EXIT_USAGE
+            f"{call}: pass a list of places, such as [(1.0, 0.0), (1.0, 1.0)], each with a heading_rad if "
+            "you like",
+            exit_code=EXIT_USAGE,
         ) from error
-    if not pairs:
+    if not result:
         raise ThumperError(f"{call}: pass at least one place", exit_code=EXIT_USAGE)
-    for place in pairs:
-        check_place(f"{call}: the place", *place)
-    return pairs
+    for place in result:
+        check_place(f"{call}: the place", *place[:2])
+    return result
+
+
+def _place(call: str, x_m: float, y_m: float, *heading_rad: float) -> tuple[float, ...]:
+    if len(heading_rad) > 1:
+        raise TypeError
+    headings = [angle_rad(call, rad, None, "heading_") or 0.0 for rad in heading_rad]
+    return number(call, x_m), number(call, y_m), *headings
 
 
 def file_path(name: str, value: str | Path) -> Path:

@@ -263,15 +263,16 @@ class Robot:
 
     def patrol(
         self,
-        places: Iterable[tuple[float, float]],
+        places: Iterable[tuple[float, float] | tuple[float, float, float]],
         *,
         rounds: int = 1,
         tolerance_m: float = 0.1,
         wait_s: float = 0.0,
     ) -> DriveResult:
-        """Drive to all places (x_m, y_m) in turn, `rounds` times; end at the first that is not reached.
+        """Drive to all places in turn, `rounds` times; end at the first that is not reached.
 
-        At each place, wait for `wait_s`, motors off.
+        A place is (x_m, y_m), or (x_m, y_m, heading_rad). At each, wait for `wait_s`, motors off. To do
+        something else there, call `goto` in a loop.
 
         Raises
         ------
@@ -280,12 +281,14 @@ class Robot:
         """
         if not isinstance(rounds, int) or rounds < 1:
             raise ThumperError("patrol: choose 1 round or more", exit_code=EXIT_USAGE)
+        tolerance_m = arguments.number("patrol", tolerance_m)
         goals = [
-            parse_goal({"x_m": x_m, "y_m": y_m, "tolerance_m": arguments.number("patrol", tolerance_m)})
-            for x_m, y_m in arguments.places("patrol", places)
+            parse_goal(
+                dict(zip(("x_m", "y_m", "yaw_rad"), place, strict=False)) | {"tolerance_m": tolerance_m}
+            )
+            for place in arguments.places("patrol", places)
         ]
-        waits_s = len(goals) * (parse_wait(wait_s),)
-        waypoints = Waypoints(goals=tuple(goals), rounds=rounds, waits_s=waits_s)
+        waypoints = Waypoints.at(*goals, rounds=rounds, wait_s=parse_wait(wait_s))
         return self._carry_out(tasks.follow_waypoints(waypoints))
 
     def explore(self, *, minutes: float = 15.0) -> DriveResult:

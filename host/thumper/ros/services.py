@@ -227,8 +227,8 @@ MISSION_FOLLOW: Service[Mapping[str, Any], MissionStarted] = Service(
     name="mission/follow",
     summary="starts to drive to goals in turn, until one is not reached",
     request=None,
-    request_doc='`{"goals": [...], "rounds": 1}`, 1 to 200, each as for `mission/send`, `wait_s` optional; '
-    "`rounds` optional",
+    request_doc='`{"goals": [...], "rounds": 1}`, 1 to 200, each as for `mission/send`; '
+    "optional: `wait_s` and `record` of a goal, `rounds`",
     reply=MissionStarted,
 )
 MISSION_STATE = Service(

@@ -255,11 +255,16 @@ class Publisher:
             self.publish_event(drive_manager.reason, WARN, name="navigation")
         self._was_waiting = drive_manager.is_waiting
 
+    @property
+    def is_recording(self) -> bool:
+        """Whether a recorder takes the messages."""
+        return self.recorder is not None and self.recorder.active
+
     def _status(
         self, inputs: SensorInputs, drive_manager: DriveManager, state: RobotState, timing: LoopTiming
     ) -> Status:
         telemetry, goal, lidar = inputs.telemetry, drive_manager.goal, inputs.lidar.counters
-        recorder = self.recorder if self.recorder is not None and self.recorder.active else None
+        recorder = self.recorder if self.is_recording else None
         assert telemetry is not None  # there is a state
         return Status(
             time_s=state.time_s,

@@ -14,7 +14,6 @@ from thumper.maps.annotations import Annotations
 from thumper.navigation.goal import FARTHEST_M, Goal, check_place
 
 MAX_WAYPOINTS = 200
-MAX_LEGS = 2000  # of all rounds
 MAX_WAIT_S = 3600.0  # at a waypoint
 EARTH = ("latitude_deg", "longitude_deg")
 NO_DATUM = f"the map has no place on Earth: it needs a datum in its YAML, or [gps] and {DRIVE_TO_FIND_IT}"
@@ -84,30 +83,6 @@ def place_in_map(place: LatLon, datum: MapDatum) -> tuple[float, float]:
             exit_code=EXIT_USAGE,
         )
     return datum.to_map(place)
-
-
-def parse_goals(
-    content: Mapping[str, Any], annotations: Annotations, datum: MapDatum | None = None
-) -> tuple[tuple[Goal, ...], tuple[float, ...], int]:
-    """Return the goals of `content`, how long to wait at each [s], and its rounds, by default one.
-
-    A goal is what `parse_goal` takes, and optionally wait_s.
-    """
-    goals, rounds = content.get("goals"), content.get("rounds", 1)
-    if (
-        not set(content) <= {"goals", "rounds"}
-        or not isinstance(goals, list)
-        or not 0 < len(goals) <= MAX_WAYPOINTS
-    ):
-        raise ThumperError(f"pass goals, a list of 1 to {MAX_WAYPOINTS}")
-    if not all(isinstance(goal, dict) for goal in goals):
-        raise ThumperError("each goal is an object with x_m and y_m")
-    most = MAX_LEGS // len(goals)
-    if not isinstance(rounds, int) or isinstance(rounds, bool) or not 1 <= rounds <= most:
-        raise ThumperError(f"choose 1 to {most} rounds over {len(goals)} goals")
-    waits_s = tuple(parse_wait(goal.get("wait_s", 0.0)) for goal in goals)
-    places = ({name: value for name, value in goal.items() if name != "wait_s"} for goal in goals)
-    return tuple(parse_goal(place, annotations, datum) for place in places), waits_s, rounds
 
 
 def parse_wait(wait_s: object) -> float:

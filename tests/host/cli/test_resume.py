@@ -93,7 +93,7 @@ def drive_to(
     """Drive to a place, then fail."""
     monkeypatch.setattr(autosave, "PERIOD_S", 0.0)
     config = with_ports(RobotConfig(), board=f"sim://{name}/board?world=lab", lidar=f"sim://{name}/lidar")
-    goals = Waypoints(goals=(Goal(x_m=x_m, y_m=0.0),), rounds=1, waits_s=(0.0,))
+    goals = Waypoints.at(Goal(x_m=x_m, y_m=0.0))
     with open_robot(config, Pose2()) as robot, autosaved(robot, tmp_path):
         robot.run(follow_waypoints(goals))
         raise end or ThumperError("failed")

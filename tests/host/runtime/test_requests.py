@@ -10,7 +10,9 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.gps.earth_reference import MapDatum
 from thumper.maps.annotations import Annotations, SavedPlace
 from thumper.navigation.goal import Goal
-from thumper.runtime.requests import LogMessage, TeleopSource, parse_goal, parse_goals
+from thumper.runtime.drive.waypoint_requests import parse_waypoints
+from thumper.runtime.drive.waypoints import Waypoints
+from thumper.runtime.requests import LogMessage, TeleopSource, parse_goal
 
 PLACE = {"x_m": 1.0, "y_m": -2.0}
 
@@ -61,7 +63,7 @@ def test_a_place_on_earth_is_a_goal_in_a_map_with_a_datum() -> None:
     goal = parse_goal(there, datum=datum)
     assert (goal.x_m, goal.y_m) == pytest.approx((11.12, 0.0), abs=0.01)  # 111.19 km per degree at 48 degrees
     assert goal.tolerance_m == 0.3
-    assert parse_goals({"goals": [there]}, SAVED, datum)[0] == (goal,)
+    assert parse_waypoints({"goals": [there]}, SAVED, datum) == Waypoints.at(goal)
     with pytest.raises(ThumperError, match="the map has no place on Earth: it needs a datum"):
         parse_goal(there)
 
@@ -118,15 +120,13 @@ def test_a_place_is_a_goal() -> None:
 
 def test_goals_have_rounds() -> None:
     goals: list[dict[str, Any]] = [{"place": "sofa"}, PLACE]
-    assert parse_goals({"goals": goals}, SAVED) == (
-        (parse_goal(goals[0], SAVED), parse_goal(PLACE)),
-        (0.0, 0.0),
-        1,
+    assert parse_waypoints({"goals": goals}, SAVED) == Waypoints.at(
+        parse_goal(goals[0], SAVED), parse_goal(PLACE)
     )
-    assert parse_goals({"goals": goals, "rounds": 1000}, SAVED)[2] == 1000
+    assert parse_waypoints({"goals": goals, "rounds": 1000}, SAVED).rounds == 1000
     for wrong in (0, 1001, 1.5, True, "2"):
         with pytest.raises(ThumperError, match="choose 1 to 1000 rounds over 2 goals"):
-            parse_goals({"goals": goals, "rounds": wrong}, SAVED)
+            parse_waypoints({"goals": goals, "rounds": wrong}, SAVED)
 
 
 @pytest.mark.parametrize(
@@ -134,21 +134,29 @@ def test_goals_have_rounds() -> None:
 )
 def test_goals_are_a_list_of_limited_length(wrong: dict[str, Any]) -> None:
     with pytest.raises(ThumperError, match="a list of 1 to 200"):
-        parse_goals(wrong, SAVED)
+        parse_waypoints(wrong, SAVED)
 
 
 def test_each_of_the_goals_is_an_object() -> None:
-    assert len(parse_goals({"goals": [PLACE] * 200}, SAVED)[0]) == 200
+    assert len(parse_waypoints({"goals": [PLACE] * 200}, SAVED).points) == 200
     with pytest.raises(ThumperError, match="each goal is an object"):
-        parse_goals({"goals": [PLACE, "sofa"]}, SAVED)
+        parse_waypoints({"goals": [PLACE, "sofa"]}, SAVED)
 
 
 def test_goals_have_a_wait() -> None:
     goals: list[dict[str, Any]] = [{"place": "sofa", "wait_s": 5}, PLACE]
-    assert parse_goals({"goals": goals}, SAVED)[1] == (5.0, 0.0)
+    assert [point.wait_s for point in parse_waypoints({"goals": goals}, SAVED).points] == [5.0, 0.0]
     for wrong in (-1.0, 3600.1, True, "2", None, float("nan")):
         with pytest.raises(ThumperError, match=r"choose a wait_s of 0\.\.\.3600 s"):
-            parse_goals({"goals": [PLACE | {"wait_s": wrong}]}, SAVED)
+            parse_waypoints({"goals": [PLACE | {"wait_s": wrong}]}, SAVED)
+
+
+def test_a_goal_asks_for_a_recording_while_the_robot_waits() -> None:
+    goals: list[dict[str, Any]] = [{"place": "sofa", "wait_s": 5, "record": True}, PLACE]
+    assert [point.record for point in parse_waypoints({"goals": goals}, SAVED).points] == [True, False]
+    for wrong in ({"record": True}, {"record": 1, "wait_s": 5}, {"record": "yes", "wait_s": 5}):
+        with pytest.raises(ThumperError, match="record is true or false; the robot records while it waits"):
+            parse_waypoints({"goals": [PLACE | wrong]}, SAVED)
 
 
 def test_gamepad_outranks_the_other_source() -> None:

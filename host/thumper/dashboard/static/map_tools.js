@@ -12,7 +12,7 @@ const MIN_HEADING_DRAG_PX = 12; // a shorter drag sets no heading
 export const TOOLS = {
   pan: { icon: "pan_tool", label: "Pan", title: "Pan: drag to move the map, scroll or pinch to zoom", key: "v" },
   goal: { icon: "flag", label: "Goal", title: "Goal: press at the position, drag to set the heading", key: "g" },
-  waypoints: { icon: "route", label: "Route", title: "Route: click the waypoints in order, then press Drive", key: "w" },
+  waypoints: { icon: "route", label: "Route", title: "Route: click the waypoints in order, drag for a heading, then press Drive", key: "w" },
   pose: {
     icon: "assistant_navigation",
     label: "Pose",
@@ -113,6 +113,17 @@ export class MapTools {
     this.waypointBar.className = "tp-waypointbar";
     this.waypointBar.hidden = true;
     this.waypointText = this.waypointBar.appendChild(document.createElement("span"));
+    const wait = this.waypointBar.appendChild(document.createElement("label"));
+    wait.textContent = "wait [s]";
+    this.waitInput = wait.appendChild(document.createElement("input"));
+    Object.assign(this.waitInput, { type: "number", min: 0, max: 3600, value: 0 });
+    const record = this.waypointBar.appendChild(document.createElement("label"));
+    this.recordInput = record.appendChild(document.createElement("input"));
+    this.recordInput.type = "checkbox";
+    this.recordInput.addEventListener("change", () => {
+      if (this.recordInput.checked && !(this.waitInput.value > 0)) this.waitInput.value = 5; // it records meanwhile
+    });
+    record.append("record");
     this.addWaypointButton("Drive", "tp-go", () => this.driveWaypoints());
     this.addWaypointButton("Undo", "", () => this.setWaypoints(this.waypoints.slice(0, -1)));
     this.addWaypointButton("Clear", "", () => this.setWaypoints([]));
@@ -183,7 +194,7 @@ export class MapTools {
 
   driveWaypoints() {
     if (this.waypoints.length === 0) return;
-    send({ kind: "waypoints", places: this.waypoints });
+    send({ kind: "waypoints", goals: this.waypoints });
     this.selectTool("pan");
   }
 
@@ -280,7 +291,9 @@ export class MapTools {
       send({ kind: "initial_pose", x_m: x, y_m: y, yaw_rad: yaw_rad ?? this.view.pose?.[2] ?? 0 });
       this.selectTool("pan");
     } else if (this.tool === "waypoints") {
-      this.setWaypoints([...this.waypoints, [x, y]]);
+      const wait_s = Math.min(Math.max(Number(this.waitInput.value), 0), 3600);
+      const record = this.recordInput.checked && wait_s > 0;
+      this.setWaypoints([...this.waypoints, { x_m: x, y_m: y, yaw_rad, wait_s, record }]);
     } else if (["zone", "place"].includes(this.tool)) {
       this.annotationBar.add([x, y], yaw_rad);
     } else if (this.tool === "obstacle") {
@@ -307,13 +320,17 @@ export class MapTools {
   }
 
   draw(context, camera) {
-    this.waypoints.forEach(([x, y], k) => drawArrow(context, camera, x, y, null, "goal", String(k + 1)));
+    this.waypoints.forEach(({ x_m, y_m, yaw_rad, wait_s, record }, k) => {
+      const task = wait_s ? `: ${record ? "record" : "wait"} ${wait_s} s` : "";
+      drawArrow(context, camera, x_m, y_m, yaw_rad, "goal", `${k + 1}${task}`);
+    });
     this.annotationBar.draw(context, camera);
     if (this.crosshair) drawCrosshair(context, ...camera.toScreen(...this.crosshair));
     if (this.tool === "box") this.drawBox(context, camera);
-    if (!this.drag || !["goal", "pose", "place"].includes(this.tool)) return;
+    if (!this.drag || !["goal", "pose", "place", "waypoints"].includes(this.tool)) return;
     const [x, y] = camera.toMap(this.drag.startX, this.drag.startY);
-    drawArrow(context, camera, x, y, this.heading(this.drag), this.tool === "pose" ? "estimate" : this.tool);
+    drawArrow(context, camera, x, y, this.heading(this.drag),
+      { pose: "estimate", waypoints: "goal" }[this.tool] ?? this.tool);
   }
 
   drawBox(context, camera) {

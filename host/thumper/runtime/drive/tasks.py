@@ -7,6 +7,7 @@ result of the whole.
 
 import math
 from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 
 from thumper.common.errors import ThumperError
@@ -26,9 +27,15 @@ def drive_to_goal(goal: Goal, name: str = "driving", *, clear_fault: bool = Fals
 
 
 def follow_waypoints(
-    waypoints: Waypoints, *, clear_fault: bool = False, on_leg: Callable[[int], None] = lambda _number: None
+    waypoints: Waypoints,
+    *,
+    clear_fault: bool = False,
+    on_leg: Callable[[int], None] = lambda _number: None,
+    recording: Callable[[], AbstractContextManager[None]] = nullcontext,
 ) -> Task:
     """Drive to all waypoints in turn, until one is not reached; wait at each, motors off, for its time.
+
+    Where a waypoint asks for it, the robot is `recording` while it waits.
 
     Times and path lengths are added up.
 
@@ -47,8 +54,12 @@ def follow_waypoints(
             return replace(total, reached=False, reason=f"{leg.name} {leg.goal}: {refusal}")
         total = result.after(total)
         if total.reached and leg.wait_s:
-            waited = yield Wait(duration_s=leg.wait_s, name=f"waiting, {leg.name}")
-            total = replace(waited.after(total), reason=total.reason if waited.reached else waited.reason)
+            try:
+                with recording() if leg.record else nullcontext():
+                    waited = yield Wait(duration_s=leg.wait_s, name=f"waiting, {leg.name}")
+                total = replace(waited.after(total), reason=total.reason if waited.reached else waited.reason)
+            except ThumperError as refusal:
+                total = replace(total, reached=False, reason=str(refusal))
         if not total.reached:
             if waypoints.has_one_leg:
                 return total

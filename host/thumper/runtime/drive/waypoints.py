@@ -3,6 +3,7 @@
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Self
 
 from thumper.navigation.goal import Goal
 
@@ -11,43 +12,45 @@ MAX_MISSIONS = 32  # remembered, for clients that ask for the state of an old on
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Waypoint:
-    """One goal of several, its name for people, and how long the robot waits there [s]."""
+    """One goal of several, its name for people, and what the robot does there."""
 
-    name: str
     goal: Goal
+    name: str = ""
     wait_s: float = 0.0
+    record: bool = False  # while it waits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Waypoints:
-    """Goals in the order of driving, `rounds` times."""
+    """Waypoints in the order of driving, `rounds` times."""
 
-    goals: tuple[Goal, ...]
+    points: tuple[Waypoint, ...]
     rounds: int = 1
-    waits_s: tuple[float, ...] = ()  # at each goal; empty: drive on at once
 
     def __post_init__(self) -> None:
-        if not self.goals or self.rounds < 1:
+        if not self.points or self.rounds < 1:
             raise ValueError(f"waypoints need at least one goal and one round, got {self}")
-        if self.waits_s and len(self.waits_s) != len(self.goals):
-            raise ValueError(f"waypoints need one wait per goal, got {self}")
+
+    @classmethod
+    def at(cls, *goals: Goal, rounds: int = 1, wait_s: float = 0.0) -> Self:
+        """Return these goals as waypoints; the robot waits as long at each."""
+        return cls(points=tuple(Waypoint(goal=goal, wait_s=wait_s) for goal in goals), rounds=rounds)
 
     @property
     def has_one_leg(self) -> bool:
         """Whether there is a single goal and a single round."""
-        return len(self.goals) * self.rounds == 1
+        return len(self.points) * self.rounds == 1
 
     def legs(self) -> list[Waypoint]:
         """Return all waypoints in the order of driving."""
-        waits_s = self.waits_s or len(self.goals) * (0.0,)
         return [
-            Waypoint(name=self._name(number, lap), goal=goal, wait_s=wait_s)
+            replace(point, name=self._name(number, lap))
             for lap in range(1, self.rounds + 1)
-            for number, (goal, wait_s) in enumerate(zip(self.goals, waits_s, strict=True), start=1)
+            for number, point in enumerate(self.points, start=1)
         ]
 
     def _name(self, number: int, lap: int) -> str:
-        name = f"waypoint {number} of {len(self.goals)}" if len(self.goals) > 1 else "driving"
+        name = f"waypoint {number} of {len(self.points)}" if len(self.points) > 1 else "driving"
         return f"{name}, round {lap} of {self.rounds}" if self.rounds > 1 else name
 
 

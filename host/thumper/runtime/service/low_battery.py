@@ -9,6 +9,7 @@ from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.ros.to_ros import WARN
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode
 from thumper.runtime.drive.task_driver import TaskDriver
+from thumper.runtime.drive.waypoints import Waypoints
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.requests import parse_goal
 from thumper.runtime.sensor_inputs import SensorInputs
@@ -79,7 +80,7 @@ class LowBattery:
             if home == self.options.place and self.docks.is_possible:
                 self.docks.dock()
             else:
-                self.missions.start((parse_goal({"place": home}, self.annotations.value),))
+                self.missions.start(Waypoints.at(parse_goal({"place": home}, self.annotations.value)))
             self.publisher.publish_event(f"driving to the place {home!r}", WARN)
         except ThumperError as refusal:
             self.publisher.publish_event(f"cannot drive home: {refusal}", WARN)

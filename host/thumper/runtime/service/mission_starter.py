@@ -1,7 +1,9 @@
 """Starts the missions that clients send, and reports their state."""
 
+from collections.abc import Callable
+from functools import partial
+
 from thumper.common.errors import ThumperError
-from thumper.navigation.goal import Goal
 from thumper.ros.services import MissionStatus
 from thumper.ros.to_ros import INFO, WARN
 from thumper.runtime.drive.drive_manager import DriveManager
@@ -11,6 +13,7 @@ from thumper.runtime.drive.waypoints import Missions, WaypointMission, Waypoints
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.sensor_inputs import SensorInputs
 from thumper.runtime.service.preconditions import Preconditions
+from thumper.runtime.service.recorded_wait import recorded_wait
 
 
 class MissionStarter:
@@ -24,21 +27,23 @@ class MissionStarter:
         inputs: SensorInputs,
         publisher: Publisher,
         preconditions: Preconditions,
+        commands: Callable[[str], str],
     ) -> None:
+        """`commands` carries out a command."""
         self.missions = Missions()
         self._task_driver = task_driver
         self._drive_manager = drive_manager
         self._inputs = inputs
         self._publisher = publisher
         self._preconditions = preconditions
+        self._commands = commands
 
-    def start(self, goals: tuple[Goal, ...], *, rounds: int = 1, waits_s: tuple[float, ...] = ()) -> int:
+    def start(self, waypoints: Waypoints) -> int:
         """Start a mission and return its number; raise ThumperError if that is impossible."""
         self._preconditions.require_serving("others")
         self._preconditions.require_no_experiment()
         if not self._inputs.has_map:
             raise ThumperError("no goals are accepted yet: there is no map to plan with; is the lidar on?")
-        waypoints = Waypoints(goals=goals, rounds=rounds, waits_s=waits_s)
         self._task_driver.begin_at_once(self._follow(waypoints, self.missions.next_number))
         self._publisher.mission_reports_end = waypoints.has_one_leg  # the mission before has ended
         return self.missions.start(waypoints).number
@@ -61,7 +66,9 @@ class MissionStarter:
     def _follow(self, waypoints: Waypoints, number: int) -> Task:
         try:
             result = yield from follow_waypoints(
-                waypoints, on_leg=lambda leg: self.missions.set_leg(number, leg)
+                waypoints,
+                on_leg=lambda leg: self.missions.set_leg(number, leg),
+                recording=partial(recorded_wait, self._publisher, self._commands),
             )
         except GeneratorExit:  # replaced, or refused before it began
             self._end(number, "replaced by another goal")

@@ -23,7 +23,8 @@ from thumper.runtime.drive.docking import Docking
 from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.drive.exploration import map_to_explore
 from thumper.runtime.drive.task_driver import TaskDriver
-from thumper.runtime.drive.waypoints import Missions
+from thumper.runtime.drive.waypoint_requests import parse_waypoints
+from thumper.runtime.drive.waypoints import Missions, Waypoints
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.requests import (
     EmergencyStop,
@@ -38,7 +39,6 @@ from thumper.runtime.requests import (
     SimulatorCommand,
     Velocity,
     parse_goal,
-    parse_goals,
 )
 from thumper.runtime.sensor_inputs import SensorInputs
 from thumper.runtime.service import board_parameters, slam_mode, wheels
@@ -96,6 +96,7 @@ class RequestHandler:
             inputs=inputs,
             publisher=publisher,
             preconditions=self._preconditions,
+            commands=self._carry_out,
         )
         exploration = ExplorationStarter(
             footprint=storage.annotations.footprint,
@@ -205,7 +206,7 @@ class RequestHandler:
                 self.experiments.stop("emergency stop")
                 self._drive_manager.emergency_stop()
             case GoTo():
-                self._missions.start(request.goals)
+                self._missions.start(Waypoints.at(*request.goals))
             case RobotCommand():
                 self._commands.run(request.name)
             case SetPose():
@@ -297,15 +298,18 @@ class RequestHandler:
         if (label := content.pop("object", None)) is not None:
             content = self._object_goals.content(str(label), content)
         goal = parse_goal(content, self.annotations.value, self._inputs.estimator.map_datum())
-        return MissionStarted(mission=self._missions.start((goal,)))
+        return MissionStarted(mission=self._missions.start(Waypoints.at(goal)))
 
     def _follow_mission(self, content: Mapping[str, Any], _source: str) -> MissionStarted:
         datum = self._inputs.estimator.map_datum()
-        goals, waits_s, rounds = parse_goals(content, self.annotations.value, datum)
-        return MissionStarted(mission=self._missions.start(goals, rounds=rounds, waits_s=waits_s))
+        waypoints = parse_waypoints(content, self.annotations.value, datum)
+        return MissionStarted(mission=self._missions.start(waypoints))
+
+    def _carry_out(self, command: str) -> str:
+        return self._commands.run(command)
 
     def _run_command(self, request: RunCommand, _source: str) -> Text:
-        return Text(text=self._commands.run(request.command))
+        return Text(text=self._carry_out(request.command))
 
     def _change_simulation(self, content: Mapping[str, Any], _source: str) -> Text:
         text = self.simulation.apply(content)

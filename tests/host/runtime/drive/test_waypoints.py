@@ -8,7 +8,7 @@ A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=2.0, y_m=0.0)
 
 def test_legs_in_order_and_the_end_after_the_last() -> None:
     missions = Missions()
-    number = missions.start(Waypoints(goals=(A, B))).number
+    number = missions.start(Waypoints.at(A, B)).number
     missions.set_leg(number, 1)
     missions.end(number, "there", reached=True)
     mission = missions.find(number)
@@ -19,14 +19,14 @@ def test_legs_in_order_and_the_end_after_the_last() -> None:
 def test_the_leg_of_an_unknown_mission_is_ignored() -> None:
     missions = Missions()
     missions.set_leg(missions.next_number, 1)
-    mission = missions.start(Waypoints(goals=(A, B)))
+    mission = missions.start(Waypoints.at(A, B))
     assert (mission.number, mission.leg) == (1, 0)
 
 
 def test_a_new_goal_ends_the_old_one() -> None:
     missions = Missions()
-    old = missions.start(Waypoints(goals=(A,))).number
-    missions.start(Waypoints(goals=(B,)))
+    old = missions.start(Waypoints.at(A)).number
+    missions.start(Waypoints.at(B))
     mission = missions.find(old)
     assert mission is not None
     assert mission.state is MissionState.FAILED
@@ -36,7 +36,7 @@ def test_a_new_goal_ends_the_old_one() -> None:
 def test_end_of_a_mission_that_is_not_active_returns_none() -> None:
     missions = Missions()
     assert missions.end(missions.next_number, "refused") is None
-    number = missions.start(Waypoints(goals=(A,))).number
+    number = missions.start(Waypoints.at(A)).number
     assert missions.end(missions.next_number, "refused") is None
     assert missions.end(number, "there", reached=True) is not None
     assert missions.end(number, "stopped") is None
@@ -44,8 +44,8 @@ def test_end_of_a_mission_that_is_not_active_returns_none() -> None:
 
 def test_old_missions_are_forgotten() -> None:
     missions = Missions()
-    first = missions.start(Waypoints(goals=(A,))).number
+    first = missions.start(Waypoints.at(A)).number
     for _ in range(MAX_MISSIONS):
-        missions.start(Waypoints(goals=(B,)))
+        missions.start(Waypoints.at(B))
     assert missions.find(first) is None
     assert missions.newest is not None
