@@ -86,8 +86,8 @@ def sim(
     world: Annotated[
         str,
         typer.Option(
-            help="World (charging, hall, lab, lab_box, passage, people, ramp, yard, or house-N with any number "
-            "N), world file (TOML) or map (YAML).",
+            help="World (charging, hall, lab, lab_box, passage, people, ramp, yard, or house-N with any "
+            "number N), world file (TOML) or map (YAML).",
             autocompletion=_worlds,
         ),
     ] = "lab",
