@@ -129,9 +129,11 @@ class Navigator:
         *,
         lost: str,
         frames: ScanFrames,
+        parked: bool = False,
     ) -> None:
-        """Bring `obstacles` up to date in a cycle without `update`; the arguments are those of `update`.
+        """Bring `obstacles` and `costmap` up to date in a cycle without `update`, with its arguments.
 
+        A `parked` robot remembers nothing: what passes beside it, out of the lidar's view, would stay.
         Never raises: after an error `obstacles` are the hits of the scan alone.
         """
         cycle = CycleInput(
@@ -146,7 +148,9 @@ class Navigator:
             period_s=USUAL_PERIOD_S,
         )
         try:
-            self._parts.model.observe(cycle)
+            if not parked:
+                self._parts.model.observe(cycle)
+            self._parts.model.refresh(cycle, parked=parked)
         except Exception as error:
             # An exception would end manual driving, too, and with it the way out.
             self._parts.model.see_only(hits_in_map)

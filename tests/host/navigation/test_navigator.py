@@ -9,6 +9,7 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2, Twist2
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.goal_checker import GoalChecker
+from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
@@ -91,6 +92,41 @@ def test_an_error_while_something_else_drives_leaves_the_newest_scan() -> None:
     navigator.observe(0.0, Pose2(x_m=math.nan), free_grid(), hits_m, lost="", frames=frames)
     assert navigator.obstacles.points_m.tolist() == [[0.5, 0.0]]
     assert navigator.obstacles.seen == 1
+
+
+@pytest.mark.parametrize("parked", [False, True])
+@pytest.mark.parametrize(("in_view", "idle_s"), [(True, 1.0), (False, 1.0), (False, 25.0)])
+def test_after_a_drive_costs_lose_what_rays_pass_and_keep_what_is_out_of_view(
+    in_view: bool, idle_s: float, parked: bool
+) -> None:
+    """The last scan of a drive hit something that later ones look through, or that the robot leaves."""
+    navigator = make()
+    there_m = np.array(((0.4, 0.0), (0.4, 0.01)))
+    wall_m = np.column_stack((np.full(201, 2.0), np.linspace(-1.0, 1.0, 201)))
+    navigator.set_goal(A)
+    navigator.update(0.0, Pose2(), Twist2(), free_grid(), np.vstack((there_m, wall_m)))
+    navigator.cancel()
+    pose, hits_m = (Pose2(), wall_m) if in_view else (Pose2(theta_rad=math.pi), NO_HITS)
+    for time_s in (0.1, idle_s):
+        frames = ScanFrames(pose, Pose2())
+        navigator.observe(time_s, pose, free_grid(), hits_m, lost="", frames=frames, parked=parked)
+    costmap = navigator.costmap
+    assert costmap is not None
+    assert (costmap.costs[costmap.cells_of(there_m)] == LETHAL).all() == (not in_view)
+
+
+def test_a_parked_robot_does_not_remember_who_passes() -> None:
+    navigator, passer_m = make(), np.array(((0.4, 0.0), (0.4, 0.01)))
+    navigator.set_goal(A)
+    step(navigator)
+    navigator.cancel()
+    for time_s, hits_m in ((1.0, passer_m), (2.0, NO_HITS)):
+        pose = Pose2(theta_rad=0.0 if len(hits_m) else math.pi)  # it is turned, and sees no more
+        frames = ScanFrames(pose, Pose2())
+        navigator.observe(time_s, pose, free_grid(), hits_m, lost="", frames=frames, parked=True)
+        costmap = navigator.costmap
+        assert costmap is not None
+        assert (costmap.costs[costmap.cells_of(passer_m)] == LETHAL).all() == bool(len(hits_m))
 
 
 def test_unknown_names_are_rejected_at_start() -> None:

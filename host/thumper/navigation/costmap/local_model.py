@@ -25,6 +25,7 @@ from thumper.navigation.state import CycleInput
 # meanwhile. Less may be a correction of the odometry: wheels slip, and the surroundings stay where they are.
 # A stationary robot has not slipped: small corrections add up to a jump.
 JUMP_M, JUMP_RAD = 0.03, 0.03
+REFRESH_S = 0.5  # between costmaps of a robot without a goal, which only people look at
 REFERENCE_M, REFERENCE_RAD = 0.1, 0.1  # a robot that has moved this far compares with its new place
 
 
@@ -79,6 +80,7 @@ class LocalModel:
         self._control_memory = ObstacleMemory(memory, memory.radius_m, view, radius_m)
         self._planning_memory = ObstacleMemory(memory, memory.planning_radius_m, view, radius_m)
         self._unseen = UnseenGround(footprint, view)
+        self._costs_s = -math.inf  # when `costmap` was computed
         self._reference: CycleInput | None = None  # see `_follow_map`
         self.jumped = False  # the map has jumped since the last `update`
         self._jumped_meanwhile = False  # in a cycle of `observe` alone
@@ -102,8 +104,7 @@ class LocalModel:
         """Bring `obstacles` up to date, in each cycle; return the window of the map, and the unseen cells."""
         self._follow_map(cycle)
         time_s, base, scan_pose = cycle.time_s, cycle.map_from_base, cycle.scan_pose
-        hits_m = cycle.hits_in_map_m[np.isfinite(cycle.hits_in_map_m).all(axis=1)]
-        self.hits_m = averaged_hits(scan_pose, hits_m, self._view)
+        self._see(cycle)
         near_m = self._control_memory.update(time_s, base, self.hits_m, scan_pose)
         seen_m = np.vstack((self.hits_m, near_m))
 
@@ -129,18 +130,42 @@ class LocalModel:
         self.jumped, self._jumped_meanwhile = self._jumped_meanwhile, False
         base, seen_m = cycle.map_from_base, self.obstacles.points_m[: self.obstacles.seen]
         still_m = seen_m[~self.are_walking(seen_m)]
-        confirmed_m = self.hits_m[confirmed_hits(self.hits_m)]
-        far_m = self._planning_memory.update(
-            cycle.time_s, base, self.hits_m, cycle.scan_pose, new_m=confirmed_m
-        )
         self.move_ahead_m = self._unseen.move_ahead_m(unseen_m, base)
         closed_m = self._unseen.beyond_slack(unseen_m, base)
         self.local_costmap = self._window_costs(window, still_m, closed_m)
         self.pose_costmap = self._window_costs(window, still_m, NOTHING) if len(unseen_m) else None
         self._window, self._fine = (window, still_m), None
-        far_m = np.vstack((self.hits_m, far_m))
+        far_m = np.vstack((self.hits_m, self._far_hits(cycle)))
         self.costmap = self._layers.update(cycle.grid, far_m[~self.are_walking(far_m)])
+        self._costs_s = cycle.time_s
         return self.costmap
+
+    def refresh(self, cycle: CycleInput, *, parked: bool) -> None:
+        """Bring `costmap` up to date at times in cycles without `update`: what a drive saw may be gone.
+
+        A `parked` robot remembers nothing new, and needs no `observe` before.
+        """
+        if self.costmap is None or cycle.lost or cycle.time_s < self._costs_s + REFRESH_S:
+            return
+        self._costs_s = cycle.time_s
+        if parked:
+            self._follow_map(cycle)
+            self._see(cycle)
+            base, scan_pose = cycle.map_from_base, cycle.scan_pose
+            far_m = self._planning_memory.recheck(cycle.time_s, base, self.hits_m, scan_pose)
+        else:
+            far_m = self._far_hits(cycle)
+        self.costmap = self._layers.update(cycle.grid, np.vstack((self.hits_m, far_m)))
+
+    def _see(self, cycle: CycleInput) -> None:
+        hits_m = cycle.hits_in_map_m[np.isfinite(cycle.hits_in_map_m).all(axis=1)]
+        self.hits_m = averaged_hits(cycle.scan_pose, hits_m, self._view)
+
+    def _far_hits(self, cycle: CycleInput) -> FloatArray:
+        """Return the hits that the planner remembers, shape (n, 2); remember those of the newest scan."""
+        new_m = self.hits_m[confirmed_hits(self.hits_m)]
+        base, scan_pose = cycle.map_from_base, cycle.scan_pose
+        return self._planning_memory.update(cycle.time_s, base, self.hits_m, scan_pose, new_m=new_m)
 
     def fine_costmap(self) -> Costmap:
         """Return the costs round the robot, with unseen ground open, in cells of half the size."""

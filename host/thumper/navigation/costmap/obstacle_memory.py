@@ -102,12 +102,7 @@ class ObstacleMemory:
         hits only `new_m`, shape (k, 2), are remembered; None: all. Sets `position_error_m`, shape (m,): how
         far each point may be off by now.
         """
-        self._count_distance(map_from_base)
-        fresh = self._times_s > time_s - self._keep_s
-        fresh |= _within(self._points_m, map_from_base, self._beside_m)
-        self._keep(fresh)
-        self._judge(time_s, scan_pose or map_from_base, hits_in_map_m)
-        self._keep(_within(self._points_m, map_from_base, self._radius_m))
+        self._keep(~self._forget(time_s, map_from_base, hits_in_map_m, scan_pose or map_from_base))
         remembered_m = self._points_m
         self.position_error_m = np.minimum(MAX_ERROR_M, ERROR_FRACTION * (self._driven_m - self._seen_at_m))
         new_m = hits_in_map_m if new_m is None else new_m
@@ -124,14 +119,36 @@ class ObstacleMemory:
         self._looked_s = np.concatenate((np.full(len(near), time_s), self._looked_s))[first]
         return remembered_m
 
+    def recheck(
+        self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray, scan_pose: Pose2
+    ) -> FloatArray:
+        """Forget what `update` would, but remember nothing new; return the points, shape (m, 2) [m]."""
+        seen = self._forget(time_s, map_from_base, hits_in_map_m, scan_pose)
+        self._times_s[seen], self._seen_at_m[seen], self._silent[seen] = time_s, self._driven_m, 0
+        return self._points_m
+
+    def _forget(
+        self, time_s: float, map_from_base: Pose2, hits_m: FloatArray, scan_pose: Pose2
+    ) -> NDArray[np.bool_]:
+        """Forget points that are old, gone or far away; return which of the others the scan shows."""
+        self._count_distance(map_from_base)
+        fresh = self._times_s > time_s - self._keep_s
+        fresh |= _within(self._points_m, map_from_base, self._beside_m)
+        self._keep(fresh)
+        evidence = self._judge(time_s, scan_pose, hits_m)
+        gone = (evidence == Evidence.PASSED) | (self._silent >= SILENT_LOOKS)
+        kept = ~gone & _within(self._points_m, map_from_base, self._radius_m)
+        self._keep(kept)
+        return np.asarray(evidence[kept] == Evidence.SEEN)
+
     def _keep(self, kept: NDArray[np.bool_]) -> None:
         self._points_m, self._times_s = self._points_m[kept], self._times_s[kept]
         self._seen_at_m = self._seen_at_m[kept]
         self._silent, self._looked_from_m = self._silent[kept], self._looked_from_m[kept]
         self._looked_s = self._looked_s[kept]
 
-    def _judge(self, time_s: float, scan_pose: Pose2, hits_m: FloatArray) -> None:
-        """Forget the points that a scan shows, and those that it shows to be gone."""
+    def _judge(self, time_s: float, scan_pose: Pose2, hits_m: FloatArray) -> NDArray[np.int64]:
+        """Return the scan's `Evidence` about each point, and count the looks without an echo."""
         evidence = ScanRays(self._view, scan_pose, hits_m).evidence(self._points_m, CLEARING_M)
         lidar = scan_pose @ self._view.base_from_laser
         looked_m = np.hypot(*(self._looked_from_m - (lidar.x_m, lidar.y_m)).T)
@@ -140,8 +157,7 @@ class ObstacleMemory:
         new_look = (evidence == Evidence.SILENT) & ((looked_m >= LOOK_STEP_M) | later)
         self._silent[new_look] += 1
         self._looked_from_m[new_look], self._looked_s[new_look] = (lidar.x_m, lidar.y_m), time_s
-        gone = (evidence == Evidence.PASSED) | (self._silent >= SILENT_LOOKS)
-        self._keep(~gone & (evidence != Evidence.SEEN))
+        return evidence
 
     def _count_distance(self, map_from_base: Pose2) -> None:
         """Sum up the movement of the outermost point, without the pose noise of a stationary robot."""

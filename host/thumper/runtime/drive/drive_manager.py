@@ -193,10 +193,8 @@ class DriveManager:
             return None
         now_s = time.monotonic()
         manual = self.mux.active(now_s)
-        # The navigator itself does it while it drives. A parked robot does not: what passes beside it, out of
-        # the lidar's view, would stay remembered.
-        if manual is not None or self.mode not in (DriveMode.DRIVING, DriveMode.IDLE):
-            self._observe(state, grid)
+        if manual is not None or self.mode is not DriveMode.DRIVING:  # then the navigator does it itself
+            self._observe(state, grid, parked=manual is None and self.mode is DriveMode.IDLE)
         if manual is not None and self.mode is not DriveMode.IDLE:
             twist, assistance = limited_twist(manual.twist, self._options), ""
             if self._assisted_teleop is not None and now_s > self._override_until_s:
@@ -272,7 +270,7 @@ class DriveManager:
         self._manually_armed = True
         self._hold(f"{BY_PROGRAM}; {assistance}" if assistance else BY_PROGRAM, twist)
 
-    def _observe(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> None:
+    def _observe(self, state: RobotState, grid: Callable[[], OccupancyGrid], *, parked: bool) -> None:
         """Let the navigator see what is round the robot, whoever drives it."""
         if state.frames is not None:
             x_m, y_m = state.map_from_base.x_m, state.map_from_base.y_m
@@ -284,6 +282,7 @@ class DriveManager:
                 state.hits_in_map_m,
                 lost=state.lost,
                 frames=state.frames,
+                parked=parked,
             )
 
     def _navigate(self, state: RobotState, grid: Callable[[], OccupancyGrid]) -> NavigationOutput | None:

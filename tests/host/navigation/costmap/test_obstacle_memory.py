@@ -38,6 +38,16 @@ def test_memory_keeps_hidden_points_and_clears_those_that_a_ray_passes() -> None
     assert left == pytest.approx(np.array(((0.25, 0.2),)))
 
 
+def test_a_recheck_forgets_what_rays_pass_but_no_post_that_it_sees_and_remembers_nothing_new() -> None:
+    memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), RADIUS_M)
+    post, ghost, new = np.array(((0.6, 0.0),)), np.array(((0.5, 0.4),)), np.array(((0.5, -0.4),))
+    memory.update(0.0, Pose2(), np.vstack((post, ghost)))
+    for time_s in (10.0, 20.0, 30.0):  # a point that is seen does not age
+        left = memory.recheck(time_s, Pose2(), np.vstack((post, new, ring(2.0))), Pose2())
+        assert left == pytest.approx(post)
+    assert memory.update(40.0, Pose2(theta_rad=math.pi), np.empty((0, 2))) == pytest.approx(post)
+
+
 def test_points_beside_the_footprint_do_not_age() -> None:
     """A robot stationary for half a minute beside a post would otherwise forget it and swing into it."""
     memory, turned = (

@@ -51,11 +51,11 @@ class Bench:
             emergency_stop=self._emergency_stop,
             now_s=lambda: self.now_s + self.age_s,
         )
-        self.observed: list[DriveMode] = []
+        self.observed: list[tuple[DriveMode, bool]] = []  # and whether it is parked
         navigator = SimpleNamespace(
             set_goal=self.goals.append,
             update=self._plan,
-            observe=lambda *_, **__: self.observed.append(self.manager.mode),
+            observe=lambda *_, parked, **__: self.observed.append((self.manager.mode, parked)),
             obstacles=NO_OBSTACLES,
         )
         self.manager: DriveManager = DriveManager(
@@ -145,17 +145,17 @@ def test_goal_arms_and_each_cycle_sends_what_the_navigator_wants(bench: Bench) -
 
 
 def test_obstacles_are_watched_in_each_cycle_in_which_something_else_may_drive(bench: Bench) -> None:
-    bench.step(3)
-    assert bench.observed == [], "what passes a parked robot out of view would stay remembered"
+    bench.step()
     bench.manager.arm(None)
     bench.step()
     bench.hold(AHEAD)
     bench.step()
-    assert bench.observed == [DriveMode.HOLDING, DriveMode.HOLDING]
+    holding = (DriveMode.HOLDING, False)
+    assert bench.observed == [(DriveMode.IDLE, True), holding, holding]
     bench.now_s += 1.0  # the manual command has expired
     bench.manager.start(GOAL, None)
     bench.step(2)
-    assert len(bench.observed) == 2, "the navigator does it itself"
+    assert len(bench.observed) == 3, "the navigator does it itself"
 
 
 def test_wheels_are_never_faster_than_the_motors_allow(bench: Bench) -> None:
