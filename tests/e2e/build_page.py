@@ -3,7 +3,7 @@
 Run: .venv/bin/python -m tests.e2e.build_page CLONE
 
 CLONE is a fresh clone of the repository. Each command is the page's own; only the two ports differ, and
-the bus has a port of its own.
+the bus has a port of its own. Speeds and stops are those of the bench's ground truth, in simulated time.
 """
 
 import os
@@ -20,12 +20,19 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import numpy as np
 from benchmarks.shared.live import END_WITH_PARENT, free_port, until
 
+from thumper.board.messages import Fault
 from thumper.bus.client import BusClient
+from thumper.common.geometry import FloatArray
+from thumper.ros.status import Status
 
 EXIT_NO_ANSWER, EXIT_CHECK = 3, 4
 PAGE = Path("docs/tutorials/build.md")
+SIMULATOR = Path(__file__).with_name("recorded_sim.py")
+LIMIT_S = 600.0  # from a clean clone to the first motion on the floor
+STILL_RAD_S = 0.2
 PORTS = {"/dev/ttyUSB0": "board", "/dev/ttyACM0": "lidar"}
 FENCE = re.compile(r"^ *```(sh|console|toml)\n(.*?)^ *```$", re.DOTALL | re.MULTILINE)
 
@@ -116,38 +123,55 @@ class Walk:
         (self.folder / name).write_text(text + self._bus)
 
     @contextmanager
-    def robot(self, floor: str) -> Iterator[None]:
-        """Connect the emulated robot, on the floor or on a stand."""
-        command = f"thumper sim --board-pty board --lidar-pty lidar --reset-on-open --floor {floor}"
-        process = self._start(command)
+    def robot(self, floor: str) -> Iterator[list[FloatArray]]:
+        """Connect the emulated robot, on the floor or on a stand; when it is gone, the list has its truth."""
+        truth = self.folder / f"{floor}.npy"
+        options = f"--board-pty board --lidar-pty lidar --reset-on-open --floor {floor}"
+        process = self._start(f"python {SIMULATOR} {truth} {options}")
+        rows: list[FloatArray] = []
         try:
             until(lambda: (self.folder / "lidar").exists() or process.poll() is not None)
-            assert process.poll() is None, command
-            yield
+            assert process.poll() is None, options
+            yield rows
         finally:
             process.send_signal(signal.SIGINT)
             process.wait(30)
+        rows.append(np.load(truth))
 
     def stop_test(self, run: str, teleop: str) -> str:
-        """Hold a key and press Space, as step 5 says; return the status after it."""
+        """Arm, drive, release, drive, stop and clear, as step 5 says; return the status after the stop."""
         robot = self._start(f"{run} --config {self._config}", stdout=subprocess.PIPE)
         ours, theirs = pty.openpty()
         keyboard = Keyboard(ours)
         try:
             until(lambda: "is running on" in (robot.stdout.readline() if robot.stdout else ""))
-            states = self._states()
+            robots = self._robots()
             keys = self._start(f"{teleop} --no-gamepad --config {self._config}", stdin=theirs, stdout=theirs)
             until(lambda: "thumper" in keyboard.screen)  # a key that is held at the start does not count
-            keyboard.held = b"r"
-            until(lambda: states[-1:] == ["CLOSED_LOOP"])
-            keyboard.held = b"i"
-            until(lambda: states[-1] == "MANUAL")
+
+            def hold(key: bytes, state: str, fault: Fault = Fault.NONE) -> None:
+                """Hold a key until the board is in a state, through faults of late commands."""
+
+                def is_there() -> bool:
+                    now = robots[-1]
+                    there = (now.board_state, now.fault) == (state, fault)
+                    is_late = now.fault not in (Fault.NONE, fault)
+                    again = b"c" if is_late else b"r" if now.board_state == "DISARMED" else key
+                    keyboard.held = key if there or key == b"c" else again
+                    return there
+
+                until(lambda: bool(robots) and is_there())
+
+            hold(b"r", "CLOSED_LOOP")
+            for key, state in ((b"i", "MANUAL"), (b"", "CLOSED_LOOP"), (b"i", "MANUAL")):
+                hold(key, state)
+                time.sleep(0.5)  # let the wheels reach their speed, or stop
             self.done(teleop)
-            keyboard.held = b" "
-            until(lambda: states[-1] == "FAULT")
+            hold(b" ", "FAULT", Fault.E_STOP)
             status = self.run(f"thumper status --config {self._config}")
-            keys.send_signal(signal.SIGINT)
-            keys.wait(60)
+            hold(b"c", "DISARMED")
+            keyboard.held = b"q"
+            until(lambda: keys.poll() is not None)
         finally:
             self._ending.close()
             robot.send_signal(signal.SIGINT)
@@ -156,12 +180,12 @@ class Walk:
             os.close(theirs)
         return status
 
-    def _states(self) -> list[str]:
-        """Return a list that grows by the board's state in each message of the robot."""
-        states: list[str] = []
+    def _robots(self) -> list[Status]:
+        """Return a list that grows by the status in each message of the robot."""
+        received: list[Status] = []
         client = self._ending.enter_context(BusClient("thumper", self._address))
-        client.subscribe("status", lambda status: states.append(status.board_state))
-        return states
+        client.subscribe("status", received.append)
+        return received
 
     def _shell(self, command: str) -> list[str]:
         for port, link in PORTS.items():
@@ -182,28 +206,51 @@ class Walk:
         )
 
 
-def follow(walk: Walk, *, whole: bool) -> None:
-    """Do what the page says up to the first motion on the floor, and check each step.
+def stops(truth: FloatArray) -> list[tuple[float, float]]:
+    """Return of each motion of the wheels its top speed [rad/s], and the time to stop from it [s]."""
+    time_s, speed = truth[:, 0], np.abs(truth[:, 4:6]).max(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], speed > STILL_RAD_S, [0]))))
+    found = []
+    for begin, end in edges.reshape(-1, 2):
+        top = float(speed[begin:end].max())
+        last_fast = begin + np.flatnonzero(speed[begin:end] > 0.8 * top)[-1]
+        found.append((top, float(time_s[end - 1] - time_s[last_fast])))
+    return found
 
-    Without `whole`, leave out the set-up, and the manual stop: a busy computer is too slow for its keyboard.
-    """
+
+def top_speed_m_s(truth: FloatArray, window: int = 20) -> float:
+    """Return the highest speed on the floor, as the mean over a window of samples."""
+    moved_m = np.hypot(*(truth[window:, 1:3] - truth[:-window, 1:3]).T)
+    return float((moved_m / (truth[window:, 0] - truth[:-window, 0])).max())
+
+
+def follow(walk: Walk, *, with_setup: bool) -> None:
+    """Do what the page says up to the first motion on the floor, and check each step."""
     _, terminal = (walk.repository / PAGE).read_text(encoding="utf-8").split("same in the terminal.")
     todo = steps(terminal)
     demo, _, doctor, flash, spin, run, teleop, slow, first = todo[:9]
-    if whole:
+    if with_setup:
         walk.run(f"{demo} -C {walk.repository}")
     assert "udev" in walk.run(doctor)
-    with walk.robot("stand"):
+    with walk.robot("stand") as stand:
         assert "written and verified\nfirmware 0." in walk.run(flash)
         report = walk.run(spin, answer="y\n", allowed=(0, EXIT_CHECK))  # a busy computer fails its timing
         for side in ("left", "right"):
             assert re.search(rf"pass .*{side} motor forward: {side} encoder \+\d\d", report), report
-        if whole:
-            assert "emergency stop was pressed" in walk.stop_test(run, teleop)
+        assert "emergency stop was pressed" in walk.stop_test(run, teleop)
+    motions = stops(stand[0])
+    assert len(motions) >= 4, motions  # each side in the check, and twice by keyboard
+    assert motions[-1][0] > 2.0, motions
+    assert motions[-1][1] < 0.5, motions  # the emergency stop
     assert "v_max_m_s = 0.2" in slow
     walk.write_config(slow, "slow.toml")
-    with walk.robot("wood"):
+    with walk.robot("wood") as floor:
         assert "reached: at the goal" in walk.run(first)
+    speed_m_s = top_speed_m_s(floor[0])
+    away_m = float(np.hypot(*(floor[0][-1, 1:3] - floor[0][0, 1:3])))
+    print(f"on the floor: {speed_m_s:.3f} m/s at most, {away_m:.2f} m; stop in {motions[-1][1]:.2f} s")
+    assert 0.17 < speed_m_s < 0.23
+    assert 0.4 < away_m < 0.6
 
 
 def main() -> None:
@@ -211,7 +258,9 @@ def main() -> None:
     os.environ.pop("PYTHONPATH", None)  # of this repository, not of the clone
     with tempfile.TemporaryDirectory() as folder:
         walk = Walk(Path(sys.argv[1]).resolve(), Path(folder))
-        follow(walk, whole=True)
+        follow(walk, with_setup=True)
+    took_s = walk.took_s[-1][1]
+    assert took_s < LIMIT_S, f"{took_s:.0f} s from a clean clone to the first motion; at most {LIMIT_S:.0f} s"
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ ROOT = Path(__file__).parents[2]
 
 def test_a_robot_is_flashed_checked_and_driven_as_the_page_says(tmp_path: Path) -> None:
     walk = Walk(ROOT, tmp_path)
-    follow(walk, whole=False)
-    assert len(walk.took_s) == 4
+    follow(walk, with_setup=False)
+    assert len(walk.took_s) == 6
 
 
 def test_steps_are_the_commands_and_files_of_a_page() -> None:
