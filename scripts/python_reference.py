@@ -99,7 +99,11 @@ def _type(hint: object) -> str:
 def _signature(name: str, function: object) -> str:
     """Return the call without `self`, each argument on a line of its own if it is long."""
     signature = inspect.signature(function)  # type: ignore[arg-type]  # of a class
-    arguments = [one for one in signature.parameters.values() if one.name != "self"]
+    arguments = [
+        one
+        for one in signature.parameters.values()
+        if one.name != "self" and one.kind is not one.VAR_POSITIONAL  # it is refused
+    ]
     words: list[str] = []
     for one in arguments:
         if one.kind is one.KEYWORD_ONLY and "*" not in words:

@@ -12,6 +12,7 @@ import numba
 import numpy as np
 import pytest
 
+from tests.e2e.robot_square import LIMIT_DEG, LIMIT_M, square
 from thumper import Robot, ThumperError
 from thumper.board.messages import State
 from thumper.common.compile_progress import COMPILING
@@ -67,16 +68,11 @@ def test_a_left_turn_is_positive() -> None:
         assert 0.6 < robot.pose.theta_rad < 1.8
 
 
-def test_a_square_of_forward_and_turn_is_closed() -> None:
-    with Robot("sim://api_square/board?world=hall", lidar="sim://api_square/lidar") as robot:
-        bench = simulation("api_square")
-        start = bench.truth()[-1]
-        for _ in range(4):
-            for result in (robot.forward(0.6), robot.turn(deg=90)):
-                assert result.reached, result.reason
-        end = bench.truth()[-1]
-    assert math.hypot(end[1] - start[1], end[2] - start[2]) < 0.03
-    assert abs(math.degrees(math.remainder(end[3] - start[3], math.tau))) < 2.0
+@pytest.mark.parametrize(("world", "seed"), [("hall", 14), ("lab", 8)])
+def test_a_square_of_forward_and_turn_is_closed(world: str, seed: int) -> None:
+    off_m, off_deg = square(world, seed)
+    assert off_m < LIMIT_M
+    assert off_deg < LIMIT_DEG
 
 
 def test_neither_backs_into_what_it_saw_nor_over_what_it_never_saw(tmp_path: Path) -> None:
@@ -214,7 +210,7 @@ def test_each_result_has_the_time_and_length_of_its_drive() -> None:
         (lambda robot: robot.drive(v_m_s=9.0), "too fast"),
         (lambda robot: robot.drive(v_m_s=0.1, duration_s=0.0), "drive: choose a duration"),
         (lambda robot: robot.goto(math.nan, 0.0), "numbers"),
-        (lambda robot: robot.goto(0.5, 0.0, math.inf), "numbers"),
+        (lambda robot: robot.goto(0.5, 0.0, heading_rad=math.inf), "numbers"),
         (lambda robot: robot.goto(0.5, 0.0, tolerance_m=0.0), r"0\.02\.\.\.1 m"),
         (lambda robot: robot.drive(v_m_s=cast("float", "a")), "drive: 'a' is not a number"),
         (lambda robot: robot.drive(duration_s=cast("float", None)), "drive: None is not a number"),
@@ -226,16 +222,15 @@ def test_each_result_has_the_time_and_length_of_its_drive() -> None:
         (lambda robot: robot.forward(0.0), "forward: choose a distance"),
         (lambda robot: robot.forward(1.0, v_m_s=3.0), "v_m_s: choose more than 0 and up to"),
         (lambda robot: robot.forward(1.0, v_m_s=-0.1), "v_m_s: choose more than 0"),
-        (lambda robot: robot.turn(10), "turn: 10 rad is more than a turn; pass degrees as deg=10"),
-        (lambda robot: robot.turn(-6.3), "turn: -6.3 rad is more than a turn"),
+        (lambda robot: robot.turn(5), r"turn: 5 degrees or radians\? Pass deg=5 or rad=5"),
         (lambda robot: robot.turn(), "turn: pass an angle"),
-        (lambda robot: robot.turn(1.0, deg=90), "rad or deg, not both"),
-        (lambda robot: robot.goto(0.5, 0.0, 90), "pass degrees as heading_deg=90"),
-        (lambda robot: robot.goto(0.5, 0.0, 1.0, heading_deg=90), "not both"),
+        (lambda robot: robot.turn(rad=1.0, deg=90), "rad or deg, not both"),
+        (lambda robot: robot.goto(0.5, 0.0, 90), "Pass heading_deg=90 or heading_rad=90"),
+        (lambda robot: robot.goto(0.5, 0.0, heading_rad=1.0, heading_deg=90), "not both"),
         (lambda robot: robot.patrol([]), "at least one place"),
         (lambda robot: robot.patrol(cast("Any", [1.0, 2.0])), "a list of places"),
         (lambda robot: robot.patrol([(0.5, 0.0)], rounds=0), "1 round"),
-        (lambda robot: robot.patrol([(0.5, 0.0, 90)]), "pass degrees as heading_deg=90"),
+        (lambda robot: robot.patrol([(0.5, 0.0, 90)]), r"write math\.radians\(90\)"),
         (lambda robot: robot.patrol(cast("Any", [(0.5, 0.0, 1.0, 1.0)])), "a list of places"),
         (lambda robot: robot.patrol([(0.5, 0.0)], wait_s=-1.0), r"wait_s of 0\.\.\.3600 s"),
         (lambda robot: robot.explore(minutes=-1.0), "more than 0 minutes"),

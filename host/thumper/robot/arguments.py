@@ -1,6 +1,7 @@
 """Checks the arguments of `Robot`: a wrong one is a ThumperError that names the call. Pure."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
@@ -48,27 +49,27 @@ def distance_m(call: str, value: float) -> float:
     return result
 
 
-def angle_rad(call: str, rad: float | None, deg: float | None, name: str) -> float | None:
+def angle_rad(
+    call: str, without_unit: Sequence[object], rad: float | None, deg: float | None, name: str
+) -> float | None:
     """Return an angle that is given in radians or in degrees; None if it is not given.
 
     Raises
     ------
     ThumperError
-        Both are given, or the radians must be degrees.
+        It is given without a unit, or in both.
     """
+    if without_unit:
+        value = f"{without_unit[0]!r}"
+        raise ThumperError(
+            f"{call}: {value} degrees or radians? Pass {name}deg={value} or {name}rad={value}",
+            exit_code=EXIT_USAGE,
+        )
     if rad is not None and deg is not None:
         raise ThumperError(f"{call}: pass {name}rad or {name}deg, not both", exit_code=EXIT_USAGE)
     if deg is not None:
         return math.radians(number(call, deg))
-    if rad is None:
-        return None
-    result = number(call, rad)
-    if abs(result) > math.tau:  # few scripts mean more than a turn, but many mean degrees
-        raise ThumperError(
-            f"{call}: {result:g} rad is more than a turn; pass degrees as {name}deg={result:g}",
-            exit_code=EXIT_USAGE,
-        )
-    return result
+    return None if rad is None else number(call, rad)
 
 
 def places(call: str, values: object) -> tuple[tuple[float, ...], ...]:
@@ -91,8 +92,13 @@ def places(call: str, values: object) -> tuple[tuple[float, ...], ...]:
 def _place(call: str, x_m: float, y_m: float, *heading_rad: float) -> tuple[float, ...]:
     if len(heading_rad) > 1:
         raise TypeError
-    headings = [angle_rad(call, rad, None, "heading_") or 0.0 for rad in heading_rad]
-    return number(call, x_m), number(call, y_m), *headings
+    for rad in heading_rad:
+        if abs(number(call, rad)) > math.tau:  # few scripts mean more than a turn, but many mean degrees
+            raise ThumperError(
+                f"{call}: a heading of {rad:g} rad is more than a turn; write math.radians({rad:g})",
+                exit_code=EXIT_USAGE,
+            )
+    return number(call, x_m), number(call, y_m), *(number(call, rad) for rad in heading_rad)
 
 
 def file_path(name: str, value: str | Path) -> Path:

@@ -18,7 +18,7 @@ from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Never, Self
 
 from thumper.board.messages import State, Telemetry
 from thumper.common.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
@@ -184,34 +184,36 @@ class Robot:
 
     def turn(
         self,
+        *without_unit: Never,
         rad: float | None = None,
-        *,
         deg: float | None = None,
         w_rad_s: float = 1.0,
         unseen: bool = False,
     ) -> DriveResult:
-        """Turn in place, counter-clockwise if positive: `turn(1.57)` or `turn(deg=90)`; return the result.
+        """Turn in place, counter-clockwise if positive: `turn(deg=90)`, `turn(rad=1.57)`; return the result.
 
-        More than a full turn is taken in degrees only: `turn(deg=720)`. `w_rad_s` is the highest turn rate.
-        Stops before obstacles and unseen ground as `forward` does: a robot that starts without a map has not
-        seen the ground that its tail sweeps, and must first drive about 0.4 m forward.
+        It may be more than a full turn: `turn(deg=720)`. `w_rad_s` is the highest turn rate. Stops before
+        obstacles and unseen ground as `forward` does: a robot that starts without a map has not seen the
+        ground that its tail sweeps, and must first drive about 0.4 m forward.
 
         Raises
         ------
         ThumperError
             An invalid number, or the board has latched a fault.
         """
-        angle_rad = arguments.angle_rad("turn", rad, deg, "")
+        angle_rad = arguments.angle_rad("turn", without_unit, rad, deg, "")
         if not angle_rad:
-            raise ThumperError(
-                "turn: pass an angle other than 0, such as turn(1.57) or turn(deg=90)", exit_code=EXIT_USAGE
-            )
+            raise ThumperError("turn: pass an angle other than 0, such as deg=90", exit_code=EXIT_USAGE)
         limits = self._config.navigation.limits
         limits = replace(limits, w_max_rad_s=arguments.speed("turn", "w_rad_s", w_rad_s, limits.w_max_rad_s))
-        start = self._reference()
-        motion = motions.spin(angle_rad, limits, start)
-        result = self._move(motion, unseen=unseen, cure="call forward(0.4) first", turns=True)
-        self._target = start @ Pose2(theta_rad=angle_rad) if result.reached else None
+        heading_rad = self._reference().theta_rad
+        motion = motions.spin(angle_rad, limits, heading_rad)
+        result = self._move(motion, unseen=unseen, cure="call forward(0.4) first")
+        # The place of the pose: with the bearing of a wall, the error of its range changes, and with it where
+        # the map sees a robot that has only turned (URG-04LX: up to 5 cm). The heading hardly changes so.
+        place = self.pose
+        target = Pose2(x_m=place.x_m, y_m=place.y_m, theta_rad=wrap_angle(heading_rad + angle_rad))
+        self._target = target if result.reached else None
         return result
 
     def drive(self, *, v_m_s: float = 0.0, w_rad_s: float = 0.0, duration_s: float = 1.0) -> None:
@@ -239,8 +241,8 @@ class Robot:
         self,
         x_m: float,
         y_m: float,
+        *without_unit: Never,
         heading_rad: float | None = None,
-        *,
         heading_deg: float | None = None,
         tolerance_m: float = 0.1,
     ) -> DriveResult:
@@ -256,7 +258,7 @@ class Robot:
         """
         numbers = {"x_m": x_m, "y_m": y_m, "tolerance_m": tolerance_m}
         numbers = {name: arguments.number("goto", value) for name, value in numbers.items()}
-        yaw_rad = arguments.angle_rad("goto", heading_rad, heading_deg, "heading_")
+        yaw_rad = arguments.angle_rad("goto", without_unit, heading_rad, heading_deg, "heading_")
         if yaw_rad is not None:
             numbers["yaw_rad"] = yaw_rad
         return self._carry_out(tasks.drive_to_goal(parse_goal(numbers)))
@@ -473,7 +475,7 @@ class Robot:
             state.hits_in_map_m,
         )
 
-    def _move(self, motion: Motion, *, unseen: bool, cure: str, turns: bool = False) -> DriveResult:
+    def _move(self, motion: Motion, *, unseen: bool, cure: str) -> DriveResult:
         navigator = self._loop.drive_manager.navigator
 
         def obstacles(_state: RobotState) -> ObstaclePoints:
@@ -482,7 +484,7 @@ class Robot:
 
         cure = f"{cure}, or pass unseen=True"
         monitor = collision_monitor(self._config)
-        motion = motions.before_obstacles(motion, monitor, obstacles, cure=cure, turns=turns)
+        motion = motions.before_obstacles(motion, monitor, obstacles, cure=cure)
         return self._carry_out(tasks.move(motion))
 
     def _carry_out(self, task: Task) -> DriveResult:

@@ -19,10 +19,8 @@ from thumper.runtime.state_estimator import RobotState
 
 SLOWEST_M_S = 0.04
 HEADING_GAIN = 2.5  # turn rate per heading error [1/s]
-PLACE_GAIN = 2.0  # speed per distance that a turn has shifted the robot ahead or back [1/s]
-FURTHEST_BACK_M = 0.1  # no turn shifts the robot further; the map has moved
 CROSS_TRACK_GAIN = 6.0  # turn rate per speed and distance from the line [1/m^2]
-TOLERANCE_M, TOLERANCE_RAD = 0.01, 0.0175
+TOLERANCE_M, TOLERANCE_RAD = 0.01, 0.01
 STILL_M_S, STILL_RAD_S = 0.01, 0.03
 STILL_CYCLES = 3  # until the newest scan shows where the robot stopped
 MAX_CORRECTIONS = 3
@@ -101,11 +99,8 @@ def drive_on_heading(distance_m: float, limits: SpeedLimits, start: Pose2) -> Mo
     return _limited(next_command, abs(distance_m) / limits.v_max_m_s)
 
 
-def spin(angle_rad: float, limits: SpeedLimits, start: Pose2) -> Motion:
-    """Return the turn in place by `angle_rad` from the heading of `start`; it may exceed a full turn.
-
-    Wheels that scrub shift the robot. It corrects the part of that shift along its heading.
-    """
+def spin(angle_rad: float, limits: SpeedLimits, heading_rad: float) -> Motion:
+    """Return the turn in place by `angle_rad` from a heading in the map; it may exceed a full turn."""
     axis = Axis(
         speed=limits.w_max_rad_s,
         accel=limits.w_accel_rad_s2,
@@ -114,19 +109,16 @@ def spin(angle_rad: float, limits: SpeedLimits, start: Pose2) -> Motion:
         still=STILL_RAD_S,
         tolerance=TOLERANCE_RAD,
     )
-    last_rad, turned_rad = start.theta_rad, 0.0
+    last_rad, turned_rad = heading_rad, 0.0
 
     def next_command(state: RobotState) -> Twist2 | MotionEnd:
         nonlocal last_rad, turned_rad
-        heading_rad = state.map_from_base.theta_rad
-        turned_rad += wrap_angle(heading_rad - last_rad)
-        last_rad = heading_rad
+        turned_rad += wrap_angle(state.map_from_base.theta_rad - last_rad)
+        last_rad = state.map_from_base.theta_rad
         w_rad_s = axis.next_speed(angle_rad - turned_rad, state.twist.w_rad_s)
         if w_rad_s is None:
             return MotionEnd(done=True, reason=f"turned {math.degrees(turned_rad):.0f} degrees")
-        back_m = (state.map_from_base.inverse() @ start).x_m if w_rad_s else 0.0
-        back_m_s = PLACE_GAIN * back_m if abs(back_m) < FURTHEST_BACK_M else 0.0
-        return Twist2(v_m_s=min(max(back_m_s, -SLOWEST_M_S), SLOWEST_M_S), w_rad_s=w_rad_s)
+        return Twist2(w_rad_s=w_rad_s)
 
     return _limited(next_command, abs(angle_rad) / limits.w_max_rad_s)
 
@@ -142,13 +134,11 @@ def before_obstacles(
     obstacles: Callable[[RobotState], ObstaclePoints] = of_newest_scan,
     *,
     cure: str = "",
-    turns: bool = False,
 ) -> Motion:
     """Return the motion, stopped before it touches one of the obstacles, in the map, or without a scan.
 
     It goes on if a false return or a person is gone in the next scans; otherwise it ends. `cure` says what to
-    do about unseen ground. A motion that only `turns` does so without its drive back if the obstacle allows
-    no more.
+    do about unseen ground.
     """
     blocked_cycles = 0
 
@@ -159,12 +149,11 @@ def before_obstacles(
             if isinstance(command, MotionEnd):
                 return command
             points_m, error_m, seen = obstacles(state).in_base(state.map_from_base)
-            for one in (command, Twist2(w_rad_s=command.w_rad_s)) if turns else (command,):
-                stop = monitor.stop_reason(one, state.twist, points_m, error_m, USUAL_PERIOD_S, seen=seen)
-                if stop is None:
-                    blocked_cycles = 0
-                    return one
-                problem = stop
+            stop = monitor.stop_reason(command, state.twist, points_m, error_m, USUAL_PERIOD_S, seen=seen)
+            if stop is None:
+                blocked_cycles = 0
+                return command
+            problem = stop
         blocked_cycles += 1
         if blocked_cycles <= BLOCKED_CYCLES:
             return Twist2()

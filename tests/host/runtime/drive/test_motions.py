@@ -29,7 +29,6 @@ def drive(
     start: Pose2,
     *,
     gain: float = 1.0,
-    slide_m: float = 0.0,  # ahead, for each radian
     hits_m: FloatArray = NOTHING,
     scan_age_s: float = 0.0,
     cycles: int = 2000,
@@ -46,7 +45,6 @@ def drive(
             return command, pose, time_s
         commands.append(command)
         twist = Twist2(v_m_s=gain * commands[-2].v_m_s, w_rad_s=gain * commands[-2].w_rad_s)
-        pose = pose @ Pose2(x_m=slide_m * abs(twist.w_rad_s) * USUAL_PERIOD_S)
         pose = pose @ Pose2(theta_rad=0.5 * twist.w_rad_s * USUAL_PERIOD_S)
         pose = pose @ Pose2(x_m=twist.v_m_s * USUAL_PERIOD_S, theta_rad=0.5 * twist.w_rad_s * USUAL_PERIOD_S)
         time_s += USUAL_PERIOD_S
@@ -74,36 +72,16 @@ def test_a_straight_motion_returns_to_its_line() -> None:
 @pytest.mark.parametrize("angle_rad", [0.05, math.pi / 2, -math.pi, 3.0 * math.pi])
 def test_a_turn_ends_at_its_angle(angle_rad: float) -> None:
     start = Pose2(theta_rad=3.0)
-    end, pose, time_s = drive(spin(angle_rad, LIMITS, start), start)
+    end, pose, time_s = drive(spin(angle_rad, LIMITS, start.theta_rad), start)
     assert end.done
     off_rad = math.remainder(pose.theta_rad - start.theta_rad - angle_rad, math.tau)
     assert off_rad == pytest.approx(0.0, abs=0.018)
     assert time_s > 0.9 * abs(angle_rad) / LIMITS.w_max_rad_s  # more than a turn is not cut short
 
 
-@pytest.mark.parametrize("angle_rad", [math.pi / 2, -math.pi])
-def test_a_turn_drives_back_what_its_wheels_slide(angle_rad: float) -> None:
-    end, pose, _ = drive(spin(angle_rad, LIMITS, Pose2()), Pose2(), slide_m=0.03)
-    uncorrected_m = 0.03 * 2.0 * math.sin(abs(angle_rad) / 2.0)
-    assert end.done
-    assert math.hypot(pose.x_m, pose.y_m) < 0.6 * uncorrected_m
-
-
-def test_a_turn_does_not_follow_a_place_that_moved() -> None:
-    motion = spin(math.pi, LIMITS, Pose2())
-    for x_m, drives_back in ((0.05, True), (0.5, False)):  # then the map has jumped
-        pose = Pose2(x_m=x_m)
-        command = motion(
-            RobotState(time_s=0.0, map_from_base=pose, twist=Twist2(), hits_in_map_m=NOTHING, scan_age_s=0.0)
-        )
-        assert isinstance(command, Twist2)
-        assert command.w_rad_s > 0.0
-        assert bool(command.v_m_s) is drives_back
-
-
 def test_a_base_that_turns_too_far_is_brought_back() -> None:
     """The wheels slip less than usual: without the second look the robot would stop 8 degrees too far."""
-    end, pose, _ = drive(spin(math.pi / 2, LIMITS, Pose2()), Pose2(), gain=1.6)
+    end, pose, _ = drive(spin(math.pi / 2, LIMITS, 0.0), Pose2(), gain=1.6)
     assert end.done
     assert pose.theta_rad == pytest.approx(math.pi / 2, abs=0.03)
 
@@ -129,20 +107,9 @@ def test_an_obstacle_ends_the_motion_before_the_contact() -> None:
 
 def test_the_corner_of_a_turning_robot_stops_before_a_post() -> None:
     post_m = np.array([[0.0, 0.22]])  # beside the robot, in the way of its corners
-    end, pose, _ = drive(monitored(spin(math.pi, LIMITS, Pose2())), Pose2(), hits_m=post_m)
+    end, pose, _ = drive(monitored(spin(math.pi, LIMITS, 0.0)), Pose2(), hits_m=post_m)
     assert not end.done
     assert pose.theta_rad < 1.0
-
-
-def test_a_turn_without_space_to_drive_back_turns_in_place() -> None:
-    wanted = Twist2(v_m_s=-0.04, w_rad_s=0.5)
-    monitor = CollisionMonitor(CollisionMonitorOptions(), LIMITS, Footprint())
-    behind_m = np.array([[-0.235, 0.0]])
-    state = RobotState(
-        time_s=0.0, map_from_base=Pose2(), twist=Twist2(), hits_in_map_m=behind_m, scan_age_s=0.0
-    )
-    assert before_obstacles(lambda _: wanted, monitor)(state) == Twist2()
-    assert before_obstacles(lambda _: wanted, monitor, turns=True)(state) == Twist2(w_rad_s=0.5)
 
 
 @pytest.mark.parametrize(
