@@ -82,6 +82,7 @@ class FakeRobot:
     received: list[tuple[float, Request]] = field(default_factory=list)
     parameters: dict[str, float] = field(default_factory=dict)
     simulated_faults: dict[str, Any] = field(default_factory=dict)
+    simulated_world: str = "lab"
     simulated_speed: float = 1.0
     period_s: float = PERIOD_S
     lidar_scans: int = 567
@@ -120,6 +121,7 @@ class FakeRobot:
         self.state = State.CLOSED_LOOP
         self.simulated_speed = 1.0
         self.simulated_faults, self.experiment, self.has_sensors = {}, "", False
+        self.simulated_world = "lab"
         self.grid = room()
         self.parameters = {spec.name: spec.default for spec in PARAMETERS}
 
@@ -197,6 +199,9 @@ class FakeRobot:
         if "speed" in content:
             self.simulated_speed = content["speed"]
             return f"{self.simulated_speed:g} times real time"
+        if "world" in content:
+            self.simulated_world = content["world"]
+            return f"the robot starts again in the world {self.simulated_world}"
         self.simulated_faults[content["fault"]] = content["value"]
         return f"{content['fault']} is {content['value']}"
 
@@ -223,6 +228,7 @@ class FakeRobot:
             case "simulator/world":
                 kinds = {"lidar": {"choices": ["ok", "unplugged"]}, "slip.left": {"most": 1.0, "unit": ""}}
                 answer = {"faults": kinds, "on": self.simulated_faults, "pillars": 0}
+                answer |= {"world": self.simulated_world, "worlds": ["hall", "lab"]}
                 answer["speed"] = self.simulated_speed
             case "simulator/command":
                 answer = {"text": self._change_simulation(content)}

@@ -96,6 +96,17 @@ def test_the_speed_of_the_simulation_is_marked(page: Page) -> None:
     expect(marked).to_have_text("5x")
 
 
+def test_another_simulated_world_is_chosen_in_the_panel(page: Page, robot: FakeRobot) -> None:
+    page.click(".tp-tab-sim")
+    world = page.locator(".tp-faultrow .q-select", has_text="World")
+    expect(world).to_contain_text("lab")
+    world.click()
+    page.get_by_role("option", name="hall", exact=True).click()
+    page.click("text=Start in this world")
+    expect(page.locator(".tp-message:visible")).to_have_text("the robot starts again in the world hall")
+    assert robot.simulated_world == "hall"
+
+
 def test_active_faults_are_shown_on_every_page(page: Page, robot: FakeRobot) -> None:
     robot.simulated_faults["slip.left"] = 0.5  # by another client
     page.click(".tp-tab-sim")

@@ -133,6 +133,11 @@ class Bench:
         return self._scene.world
 
     @property
+    def world_name(self) -> str:
+        """The name or path of the world."""
+        return self._options.world
+
+    @property
     def contacts(self) -> int:
         """Number of times the robot's footprint has hit an obstacle or a person."""
         return self._contact.count + self._legs.by_robot

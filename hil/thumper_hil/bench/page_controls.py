@@ -8,9 +8,11 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper_hil.bench.bench import Bench
 from thumper_hil.faults.catalogue import FAULTS, Amount, Choice, FaultValue
+from thumper_hil.world.world_file import world_names
 
 SMALLEST_PILLAR_M, LARGEST_PILLAR_M = 0.02, 2.0
 FARTHEST_PILLAR_M = 50.0
+HOUSES = tuple(f"house-{number}" for number in range(1, 10))
 COMMANDS = ("fault", "pillar", "clear_pillars")
 
 
@@ -22,11 +24,13 @@ class PageControls:
         self._active: dict[str, FaultValue] = {}
 
     def describe(self) -> dict[str, Any]:
-        """Return all faults with their possible values, the active faults, and the number of pillars."""
+        """Return the world, all faults with their possible values, the active ones, and the pillars."""
         return {
             "faults": {name: _values(kind) for name, kind in FAULTS.items()},
             "on": dict(self._active),
             "pillars": self._bench.pillars,
+            "world": self._bench.world_name,
+            "worlds": [*world_names(), *HOUSES],
         }
 
     def apply(self, content: Mapping[str, Any]) -> str:

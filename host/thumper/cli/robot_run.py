@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from rich.console import Console
 
@@ -28,6 +29,8 @@ from thumper.runtime.drive.goal_limits import check_distances
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.drive_result import DriveResult
 from thumper.runtime.loop import RobotLoop
+
+OF_WORLD = ("world", "x_m", "y_m", "yaw_deg", "scenario")  # options of a simulated robot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +57,13 @@ class RunOptions:
             return None
         x_m, y_m, heading_deg = self.start
         return Pose2(x_m=x_m, y_m=y_m, theta_rad=math.radians(heading_deg))
+
+    def in_world(self, world: str, out: Path) -> "RunOptions":
+        """Return the options of the same simulated robot in another world, with a new map."""
+        url = urlsplit(self.board or load_config(self.config).board.port)
+        kept = [(name, value) for name, value in parse_qsl(url.query) if name not in OF_WORLD]
+        board = f"sim://{url.netloc}{url.path}?{urlencode([('world', world), *kept])}"
+        return replace(self, board=board, out=out, start=None, session=None, saved_map=None, fresh=True)
 
     def load_settings(self) -> RobotConfig:
         """Load the configuration, apply the options to it and prepare the output folder.

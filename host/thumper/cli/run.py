@@ -158,7 +158,16 @@ def _refuse_given(context: typer.Context, names: tuple[str, ...], need: str) -> 
 
 
 def _serve(options: "RunOptions", speed: float, console: "Console") -> None:
-    """Serve the requests of clients until Ctrl-C."""
+    """Serve the requests of clients until Ctrl-C, in each simulated world that they choose."""
+    world, first_out = _serve_in_one_world(options, speed, console), options.out
+    while world:
+        console.print(f"the robot starts again in the world {world}")
+        options = options.in_world(world, first_out / world)
+        world = _serve_in_one_world(options, speed, console)
+
+
+def _serve_in_one_world(options: "RunOptions", speed: float, console: "Console") -> str:
+    """Serve the requests of clients; return the simulated world that they chose, empty after Ctrl-C."""
     from thumper.cli.output.drive_progress import print_problems, print_warnings
     from thumper.cli.resume import save_map_and_session
     from thumper.cli.robot_run import opened_robot
@@ -168,11 +177,14 @@ def _serve(options: "RunOptions", speed: float, console: "Console") -> None:
     with opened_robot(options, settings, serving=True) as robot:
         console.print(f"{settings.name} is running on {settings.bus.address}. Press Ctrl-C to stop.")
         robot.publisher.add_sink(print_problems)
+        simulation = robot.request_handler.simulation
+        simulation.can_restart = True
         is_stopped = robot.serve(speed=speed)
         files = save_map_and_session(robot, options.out)
         print_warnings(robot, console)
     saved = f"; {', '.join(files)} are in {options.out}/" if files else ""
     console.print(f"{'stopped' if is_stopped else UNCONFIRMED}{saved}", soft_wrap=True)
+    return simulation.next_world
 
 
 def _drive(options: "RunOptions", waypoints: "Waypoints", console: "Console", *, clear_fault: bool) -> None:

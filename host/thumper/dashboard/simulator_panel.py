@@ -1,4 +1,4 @@
-"""Panel of a simulated robot: simulation speed, obstacles, faults."""
+"""Panel of a simulated robot: simulation speed, world, obstacles, faults."""
 
 import asyncio
 from collections.abc import Mapping
@@ -38,10 +38,11 @@ class SimulatorPanel:
                 ui.html("Add a pillar", tag="span", sanitize=False)
             with button("tp-plain").on("click", partial(self._send, {"clear_pillars": True})):
                 ui.html("Remove all pillars", tag="span", sanitize=False)
-        inline(
-            '<p class="tp-hint">Another world: start the robot with '
-            "<code>--board 'sim://?world=hall'</code>.</p>"
-        )
+        with box("tp-faultrow") as self._restart:
+            self._world = ui.select([], label="World").props("dense outlined").classes("tp-select")
+            with button("tp-plain").on("click", self._on_world):
+                ui.html("Start in this world", tag="span", sanitize=False)
+        self._restart.set_visibility(False)
         inline("<h2>Faults</h2>")
         with box("tp-faultrow"):
             self._name = (
@@ -57,8 +58,8 @@ class SimulatorPanel:
         self._active = ui.html("", tag="p", sanitize=False).classes("tp-active-faults")
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
         inline(
-            '<p class="tp-hint">A fault stays active until you set it to ok. The documentation describes '
-            'every fault in "Inject faults, test a real board".</p>'
+            '<p class="tp-hint">A fault stays active until you set it to ok. <code>docs/bench.md</code> '
+            "describes every fault.</p>"
         )
         self._on_fault_selected()
         ui.timer(POLL_PERIOD_S, self._poll, immediate=True)
@@ -71,6 +72,9 @@ class SimulatorPanel:
         self._active.set_content(escape(_faults_text(world.on)))
         for speed, choice in self._speeds.items():
             choice.props(f"aria-pressed={str(speed == world.speed).lower()}")
+        if world.worlds != self._world.options:
+            self._world.set_options(world.worlds, value=world.world if world.world in world.worlds else None)
+            self._restart.set_visibility(bool(world.worlds))
         if not self._faults:
             self._faults = world.faults
             self._name.set_options(
@@ -99,6 +103,9 @@ class SimulatorPanel:
                 self._show_message(f"enter {POSE_HINT}, for example 1.0, 0.5, 90", good=False)
                 return
         await self._send({"fault": name, "value": value})
+
+    async def _on_world(self) -> None:
+        await self._send({"world": self._world.value})
 
     async def _send(self, content: dict[str, Any]) -> None:
         try:

@@ -156,6 +156,8 @@ class SimulatorWorld:
     faults: Annotated[dict[str, Any], "with their possible values"]
     on: Annotated[dict[str, Any], "the active faults with their values, in order of injection"]
     pillars: Annotated[int, "their number"]
+    world: Annotated[str, "its name"]
+    worlds: Annotated[list[str], "those to choose from; empty if the robot cannot start again"]
     speed: Annotated[float, "times real time"]
 
 
@@ -309,7 +311,7 @@ SIMULATOR_COMMAND: Service[Mapping[str, Any], Text] = Service(
     summary="changes the simulated world",
     request=None,
     request_doc='`{"fault": NAME, "value": V}`, `{"pillar": {"x_m", "y_m", "radius_m"}}`, '
-    '`{"clear_pillars": true}`, `{"speed": 2}`',
+    '`{"clear_pillars": true}`, `{"speed": 2}`, `{"world": NAME}`: starts again there, motors off',
     reply=Text,
 )
 EXPERIMENT_START = Service(

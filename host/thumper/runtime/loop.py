@@ -125,7 +125,9 @@ class RobotLoop:
             return running.result()
 
     def serve(self, *, speed: float = 1.0) -> bool:
-        """Do what clients request until Ctrl-C; return whether the board confirmed the stop at the end.
+        """Do what clients request until Ctrl-C, or until they choose another simulated world.
+
+        Return whether the board confirmed the stop at the end.
 
         A simulated robot runs at `speed` times real time.
         """
@@ -134,7 +136,7 @@ class RobotLoop:
         self._rate.set_speed(speed)
         simulation.rate = self._rate
         try:
-            return self._loop(lambda: False)
+            return self._loop(lambda: bool(simulation.next_world))
         finally:
             simulation.rate = None
 

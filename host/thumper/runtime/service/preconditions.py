@@ -31,7 +31,7 @@ class Preconditions:
         if self.drive_manager.mode in (DriveMode.DRIVING, DriveMode.MANUAL, DriveMode.STOPPING):
             raise ThumperError(f"the robot must be stationary to {action}: stop it first")
 
-    def require_motors_off(self) -> None:
-        """Refuse an experiment while the motors are on."""
+    def require_motors_off(self, what: str) -> None:
+        """Refuse `what` while the motors are on."""
         if self.drive_manager.mode is not DriveMode.IDLE:
-            raise ThumperError("an experiment starts with the motors off: stop and disarm the robot first")
+            raise ThumperError(f"{what} starts with the motors off: stop and disarm the robot first")

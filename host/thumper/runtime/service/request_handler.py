@@ -212,7 +212,7 @@ class RequestHandler:
             case SetPose():
                 self._set_pose(request)
             case SimulatorCommand():
-                self._publisher.publish_event(self.simulation.apply(request.content))
+                self._change_simulation(request.content, "")
             case LogMessage():
                 self._publisher.publish_event(request.text, INFO if request.good else WARN)
             case Query():
@@ -312,13 +312,15 @@ class RequestHandler:
         return Text(text=self._carry_out(request.command))
 
     def _change_simulation(self, content: Mapping[str, Any], _source: str) -> Text:
+        if "world" in content:
+            self._preconditions.require_motors_off("another world")
         text = self.simulation.apply(content)
         self._publisher.publish_event(text)
         return Text(text=text)
 
     def _start_experiment(self, request: StartExperiment, source: str) -> Text:
         self._preconditions.require_serving("experiments")
-        self._preconditions.require_motors_off()
+        self._preconditions.require_motors_off("an experiment")
         return Text(text=self.experiments.request(request, source))
 
     def _experiment_state(self, _request: Empty, _source: str) -> ExperimentState:

@@ -38,13 +38,18 @@ class SimulatorControl:
 
     def __init__(self, simulator: Simulator | None) -> None:
         self.rate: RealTimeRate | None = None  # of a robot that serves
+        self.can_restart = False  # whether the program starts the robot again in `next_world`
+        self.next_world = ""
         self._simulator = simulator
 
     def describe(self) -> SimulatorWorld:
         """Return the world and the possible changes to it."""
         if self._simulator is None:
             raise ThumperError(NO_SIMULATOR)
-        return SimulatorWorld(**self._simulator.describe(), speed=self.rate.speed if self.rate else 1.0)
+        description = self._simulator.describe()
+        if not self.can_restart:
+            description["worlds"] = []
+        return SimulatorWorld(**description, speed=self.rate.speed if self.rate else 1.0)
 
     def apply(self, content: Mapping[str, Any]) -> str:
         """Apply the change in `content` and return a description of it."""
@@ -52,7 +57,18 @@ class SimulatorControl:
             raise ThumperError(NO_SIMULATOR)
         if set(content) == {"speed"}:
             return self._change_speed(content["speed"])
+        if set(content) == {"world"}:
+            return self._change_world(content["world"])
         return self._simulator.apply(content)
+
+    def _change_world(self, world: object) -> str:
+        worlds = self.describe().worlds
+        if not worlds:
+            raise ThumperError("only `thumper run` without a goal has a world to choose")
+        if world not in worlds:
+            raise ThumperError(f"unknown world {world!r}; choose from: {', '.join(worlds)}")
+        self.next_world = str(world)
+        return f"the robot starts again in the world {world}, with a new map"
 
     def _change_speed(self, speed: object) -> str:
         if (

@@ -46,7 +46,7 @@ def test_moving_robot_refuses_what_needs_it_stationary(mode: DriveMode) -> None:
 @pytest.mark.parametrize("mode", DriveMode)
 def test_experiment_needs_the_motors_off(mode: DriveMode) -> None:
     if mode is DriveMode.IDLE:
-        conditions(mode).require_motors_off()
+        conditions(mode).require_motors_off("an experiment")
     else:
         with pytest.raises(ThumperError, match="motors off"):
-            conditions(mode).require_motors_off()
+            conditions(mode).require_motors_off("an experiment")
