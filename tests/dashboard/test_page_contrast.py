@@ -7,7 +7,7 @@ import pytest
 from benchmarks.shared.browser import Server, open_page
 from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from tests.dashboard.test_map_edits import save_room
 from thumper.board.messages import Fault, State
@@ -17,14 +17,20 @@ TABS = ("drive", "map", "gains", "tune", "sim", "log", "system")
 POOR = (Path(__file__).parent / "contrast.js").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
+DESK: ViewportSize = {"width": 1440, "height": 900}
+PHONE: ViewportSize = {"width": 390, "height": 844}
+
+
+@pytest.mark.parametrize(
+    ("theme", "screen"), [("light", DESK), ("dark", DESK), ("light", PHONE), ("dark", PHONE)]
+)
 def test_all_text_can_be_read(
-    browser: Browser, server: Server, robot: FakeRobot, library: Path, theme: str
+    browser: Browser, server: Server, robot: FakeRobot, library: Path, theme: str, screen: ViewportSize
 ) -> None:
     robot.reset()
     if not (library / "hut.yaml").exists():
         save_room(library, "hut")
-    context = browser.new_context(viewport={"width": 1440, "height": 900}, color_scheme=theme)  # type: ignore[arg-type]
+    context = browser.new_context(viewport=screen, color_scheme=theme)  # type: ignore[arg-type]
     page = context.new_page()
     maps = [{"name": "hut", "MB": 0.1, "saved_s": time.time()}]
     page.route("**/library", lambda route: route.fulfill(json={"maps": maps, "recordings": []}))
