@@ -265,10 +265,11 @@ def _bound(blocks: PoseBlocks, first: int, last: int, coarse: ByteArray) -> None
         for i in range(cells.shape[1]):
             row, col = cells[k, i, 1] + BLOCK, cells[k, i, 0] + BLOCK
             top, left = row // BLOCK, col // BLOCK
-            best = coarse[row % BLOCK, col % BLOCK]
+            best, begin, end = coarse[row % BLOCK, col % BLOCK], max(0, -left), min(across, cols - left)
             for by in range(max(0, -top), min(up, rows - top)):
-                for bx in range(max(0, -left), min(across, cols - left)):
-                    bounds[k, by, bx] += best[top + by, left + bx]
+                into, add = bounds[k, by, begin:end], best[top + by, left + begin : left + end]
+                for bx in range(into.size):  # slices from 0 on: the compiler vectorizes the loop
+                    into[bx] += add[bx]
 
 
 @kernel
@@ -288,6 +289,12 @@ def open_blocks(
         total[:] = 0
         for i in range(cells.shape[1]):
             row, col = cells[k, i, 1] + by * BLOCK, cells[k, i, 0] + bx * BLOCK
+            if 0 <= row <= rows - BLOCK and 0 <= col <= cols - BLOCK:
+                block = fine[row : row + BLOCK, col : col + BLOCK]
+                for dy in range(BLOCK):  # fixed bounds: the compiler vectorizes the loop
+                    for dx in range(BLOCK):
+                        total[dy, dx] += block[dy, dx]
+                continue
             for dy in range(max(0, -row), min(BLOCK, rows - row)):
                 for dx in range(max(0, -col), min(BLOCK, cols - col)):
                     total[dy, dx] += fine[row + dy, col + dx]

@@ -1,6 +1,7 @@
 """A hit/miss grid that grows with the known world."""
 
 import math
+from typing import Literal
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from thumper.maps.occupancy_grid import UNKNOWN, CellArray, OccupancyGrid
 from thumper.slam.grid.occupancy_render import OccupancyRender
 from thumper.slam.grid.patch_distances import squared_distances
 from thumper.slam.grid.ray_casting import GridBeams, valid_beams
-from thumper.slam.grid.scan_inserter import insert_scan, resume_counts
+from thumper.slam.grid.scan_inserter import add_distances, insert_scan, resume_counts
 from thumper.slam.scan_matching.distance_field import (
     CountArray,
     FieldArray,
@@ -22,6 +23,7 @@ from thumper.slam.scan_matching.distance_field import (
     metric_distances,
 )
 from thumper.slam.scan_matching.patch_grid import (
+    PRIVATE,
     PatchField,
     PatchGrid,
     grown_table,
@@ -35,8 +37,13 @@ from thumper.slam.scan_matching.patches import SIDE, IndexArray, empty_pool
 
 BLOCK = 64  # the extent grows by multiples of this many cells ...
 GROWTH = 0.125  # ... and by at least this share of its side: each growth renders the whole map again
-FIRST_PATCHES = 1 << 14  # room for 16 million cells; it takes memory when it is written
+# Room for 67 million cells, so that the pool is hardly ever copied. It takes memory when it is written, on
+# Windows at once.
+FIRST_PATCHES = 1 << (16 if PRIVATE else 14)
 LAYER_MARGIN = 2  # cells: the rounding of the rays
+OBSTACLES_PER_PART = 3000  # whose distances are added in one part of the work: 1 to 2 ms
+
+Distances = Literal["now", "deferred", "never"]
 
 
 class Scratch:
@@ -57,11 +64,17 @@ class HitGrid:
 
     `corner_m` is the map's (x, y) at the corner of cell [0, 0]. It moves by whole cells when the map grows.
     Only patches where beams have been take memory. Without `distances` the grid cannot be matched against,
-    and a cell takes two bytes instead of three.
+    and a cell takes two bytes instead of three. With `deferred` ones, scans change the counts alone, in half
+    the time, until `add_distances` has added them.
     """
 
     def __init__(
-        self, resolution_m: float, max_distance_m: float, occupied_fraction: float, *, distances: bool = True
+        self,
+        resolution_m: float,
+        max_distance_m: float,
+        occupied_fraction: float,
+        *,
+        distances: Distances = "now",
     ) -> None:
         """Start without cells. Distances are cut off at `max_distance_m`, at most 127 cells."""
         self.resolution_m = resolution_m
@@ -69,11 +82,13 @@ class HitGrid:
         self.occupied_fraction = occupied_fraction
         levels = squared_distances(self.max_distance_cells)
         self._rule = insertion_rule(levels, self.max_distance_cells, occupied_fraction)
+        self._distances = distances
+        self._patches_measured = 0  # of the table, while the distances are deferred
         self._metres = metric_distances(self.max_distance_cells, resolution_m)
         self._first_row = self._first_col = 0
         self.shape = (0, 0)
         self._render: OccupancyRender | None = None  # until the map grows
-        self._pool = empty_pool(FIRST_PATCHES, levels[-1], distances=distances, zeros=own_memory)
+        self._pool = empty_pool(FIRST_PATCHES, levels[-1], distances=distances != "never", zeros=own_memory)
         self._table: IndexArray = np.zeros((0, 0), dtype=np.int32)
         self.scratch = Scratch()
 
@@ -169,21 +184,44 @@ class HitGrid:
         if box.is_empty:
             return
         self._ensure_covers(box)
+        (top, rows), (left, cols) = (
+            patches_over(low - LAYER_MARGIN, high + LAYER_MARGIN)
+            for low, high in ((box.top, box.bottom), (box.left, box.right))
+        )
         corner = np.array(self.corner_m)
         beams = GridBeams(
             (moved.origins - corner) / self.resolution_m,
             (moved.ends - corner) / self.resolution_m,
             moved.kinds,
         )
-        rows, cols = box.bottom - box.top + 2 * LAYER_MARGIN, box.right - box.left + 2 * LAYER_MARGIN
-        layer = self.scratch.layer(rows * cols).reshape(rows, cols)
-        first = box.top - self._first_row - LAYER_MARGIN, box.left - self._first_col - LAYER_MARGIN
-        while not insert_scan(beams, layer, first, self.cells, self._rule):
+        layer = self.scratch.layer(rows * cols * SIDE * SIDE).reshape(rows * SIDE, cols * SIDE)
+        first = top - self._first_row // SIDE, left - self._first_col // SIDE
+        rule = self._rule if self.keeps_distances else self._rule._replace(max_distance_cells=0)
+        while not insert_scan(beams, layer, first, self.cells, rule):
             self._pool = larger_pool(self._pool, self._rule.levels[-1])
         if self._render is not None:
             top, left, bottom, right = box  # with one more cell on each side for the rounding of the rays
             row, col = self._first_row, self._first_col
             self._render.add_scan(CellBox(top - row - 1, left - col - 1, bottom - row + 1, right - col + 1))
+
+    @property
+    def keeps_distances(self) -> bool:
+        """Whether each scan changes the distances, too."""
+        return self._distances == "now"
+
+    def add_distances(self) -> bool:
+        """Add a part of the deferred distances; return whether all are there. No scan may come in between."""
+        while self._distances == "deferred":
+            first = self._patches_measured
+            last = add_distances(first, OBSTACLES_PER_PART, self.cells, self._rule)
+            self._patches_measured = last
+            if last == self._table.size:
+                self._distances = "now"
+            elif last > first:
+                break
+            else:
+                self._pool = larger_pool(self._pool, self._rule.levels[-1])
+        return self._distances != "deferred"
 
     def occupied(self) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
         """Return the mask of occupied cells, shape (rows, columns)."""

@@ -65,7 +65,8 @@ def cast_rays(
     """Return (row, column) of the cells crossed, shape (cells, 2), without the cells of the beams' ends.
 
     Only one beam in `every` is cast, from number `start` on. Cells that carry `mark` in the layer are
-    skipped; all others get it. The layer begins at the cell `first`, (row, column).
+    skipped; all others get it. The layer begins at the cell `first`, (row, column), and rows and columns are
+    counted from there.
 
     Traversal: Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.
     """
@@ -86,9 +87,11 @@ def cast_rays(
         next_y = ((row + (dy > 0.0)) - origins[i, 1]) / dy if dy != 0.0 else math.inf
         every_x = abs(1.0 / dx) if dx != 0.0 else math.inf
         every_y = abs(1.0 / dy) if dy != 0.0 else math.inf
-        for _ in range(abs(end_row - row) + abs(end_col - col)):
-            if layer[row - first[0], col - first[1]] != mark:
-                layer[row - first[0], col - first[1]] = mark
+        steps = abs(end_row - row) + abs(end_col - col)
+        row, col = row - first[0], col - first[1]
+        for _ in range(steps):
+            if layer[row, col] != mark:
+                layer[row, col] = mark
                 crossed[n, 0], crossed[n, 1] = row, col
                 n += 1
             if next_x < next_y:

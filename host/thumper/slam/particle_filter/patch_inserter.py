@@ -9,9 +9,7 @@ from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.lidar.deskew import HIT
 from thumper.slam.grid.patch_distances import add_obstacle, remove_obstacle
-from thumper.slam.grid.ray_casting import GridBeams, cast_rays
-from thumper.slam.grid.scan_inserter import COUNT_MAX, observe
-from thumper.slam.particle_filter.patch_free_space import (
+from thumper.slam.grid.patch_free_space import (
     CROSSED,
     ENDED,
     FreeSpaceMask,
@@ -22,8 +20,11 @@ from thumper.slam.particle_filter.patch_free_space import (
     hit_and_crossed,
     neighbours,
 )
+from thumper.slam.grid.ray_casting import GridBeams, cast_rays
+from thumper.slam.grid.scan_inserter import observe
 from thumper.slam.scan_matching.distance_field import ByteArray, InsertionRule, is_occupied
 from thumper.slam.scan_matching.patches import (
+    COUNT_MAX,
     MASK,
     SIDE,
     SIDE_BITS,

@@ -15,7 +15,7 @@ from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.grid.grid_mapper import GridMapper
-from thumper.slam.grid.growing_grid import HitGrid
+from thumper.slam.grid.growing_grid import Distances, HitGrid
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.mapper import MapperUpdate, PoseQuality
 from thumper.slam.pose_graph.kept_scan import keep_scan
@@ -248,14 +248,14 @@ class GraphMapper:
         self._active_m = min(distance_m, self._loops.active_m)
         near = self.submaps.within(self._loops.active_m)
         self._next_active = MapRebuild(
-            hit_grid=self._empty_grid(),
+            hit_grid=self._empty_grid("deferred"),
             chosen={submap for submap, m in near.items() if m <= self._active_m},
         )
 
     def _empty_whole_map(self) -> MapRebuild:
-        return MapRebuild(hit_grid=self._empty_grid(distances=False))
+        return MapRebuild(hit_grid=self._empty_grid("never"))
 
-    def _empty_grid(self, *, distances: bool = True) -> HitGrid:
+    def _empty_grid(self, distances: Distances) -> HitGrid:
         options = self._options
         grid = HitGrid(options.resolution_m, options.reach_m, options.occupied_fraction, distances=distances)
         grid.scratch = self._front_end.hit_grid.scratch

@@ -23,7 +23,7 @@ OLD_SUBMAPS = 4  # submaps before and after the candidate that make the old map
 MATCHED_BEAMS = 500
 SEARCHED_BEAMS = 200
 MAX_PLACES = 3  # old places that are searched in turn, if several are within reach
-LOOKUPS_PER_PART = 3_000_000  # cell look-ups in one part of the search: 1 to 2 ms
+LOOKUPS_PER_PART = 5_000_000  # cell look-ups in one part of the search: 1 to 2 ms
 MAP_RANGE_M = 30.0  # beams of the old map, up to here: a closure compares near walls
 SEARCH_STD_M = 0.15
 SEARCH_CELL_M = 0.1  # of the map that is searched
@@ -88,7 +88,9 @@ class LoopSearch:
             old=old,
             new=new,
             old_map=MapRebuild(
-                hit_grid=HitGrid(options.resolution_m, options.reach_m, options.occupied_fraction),
+                hit_grid=HitGrid(
+                    options.resolution_m, options.reach_m, options.occupied_fraction, distances="deferred"
+                ),
                 chosen=set(range(max(0, old - OLD_SUBMAPS), min(new, old + OLD_SUBMAPS + 1))),
                 range_m=MAP_RANGE_M,
             ),

@@ -198,11 +198,11 @@ class SubmapGraph:
 
     def insert_scans(
         self, hit_grid: HitGrid, start: int, chosen: set[int] | None, way_m: float, range_m: float
-    ) -> int:
+    ) -> tuple[int, float]:
         """Insert kept scans from number `start` on, of the chosen submaps (None: all), beams up to `range_m`.
 
         Stops when the beams inserted are `way_m` long together; the last scan may exceed it. Returns the
-        number of the first scan not looked at.
+        number of the first scan not looked at, and what is left of `way_m`.
         """
         if chosen:
             start = max(start, self._first_scan[min(chosen)])
@@ -210,11 +210,11 @@ class SubmapGraph:
             scan = self.scans[number]
             if scan is not None and (chosen is None or scan.submap in chosen):
                 if way_m <= 0.0:
-                    return number
+                    return number, way_m
                 points = scan.points(range_m)
                 hit_grid.insert(self.pose(scan.submap) @ scan.submap_from_base, points)
                 way_m -= points.length_m()
-        return len(self.scans)
+        return len(self.scans), way_m
 
     def scans_of(self, first: int, last: int) -> list[NodeScan]:
         """Return the kept scans of submaps `first` to `last`."""

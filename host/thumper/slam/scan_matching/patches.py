@@ -18,6 +18,7 @@ from thumper.slam.scan_matching.distance_field import ByteArray
 SIDE_BITS = 5
 SIDE = 1 << SIDE_BITS  # cells along a patch; a power of two, so that indices split by shift and mask
 MASK = SIDE - 1
+COUNT_MAX = 250  # both counts of a cell are halved from here on: the fraction stays, and old evidence fades
 FAR = 255  # quantized distance: no occupied cell within the largest distance
 FAR_LEVEL = np.uint8(FAR)
 

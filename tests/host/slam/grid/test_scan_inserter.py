@@ -8,13 +8,15 @@ from benchmarks.shared.distances import squared_distances_of
 from thumper.lidar.deskew import HIT, MISS
 from thumper.slam.grid.patch_distances import squared_distances
 from thumper.slam.grid.ray_casting import GridBeams, cast_rays
-from thumper.slam.grid.scan_inserter import COUNT_MAX, insert_scan, observe, resume_counts
+from thumper.slam.grid.scan_inserter import add_distances, insert_scan, observe, resume_counts
+from thumper.slam.scan_matching import patches
 from thumper.slam.scan_matching.distance_field import insertion_rule, is_occupied
 from thumper.slam.scan_matching.patch_grid import PatchGrid, larger_pool, make_patches, plain
-from thumper.slam.scan_matching.patches import Pool, empty_pool
+from thumper.slam.scan_matching.patches import COUNT_MAX, Pool, empty_pool
 
 SIDE, REACH, FRACTION = 60, 5, 0.3
 SHAPE = (SIDE, SIDE)
+LAYER = (3 * patches.SIDE, 3 * patches.SIDE)
 RULE = insertion_rule(squared_distances(REACH), REACH, FRACTION)
 
 
@@ -62,7 +64,7 @@ def test_insertion_equals_one_observation_of_each_cell() -> None:
     cells = in_patches(empty_pool(9, RULE.levels[-1]))
     assert make_patches(np.argwhere(counts.any(axis=0)).astype(np.int32), REACH, cells)
     resume_counts(counts[0], counts[1], (0, 0), cells, RULE)
-    layer, freed, halved = np.zeros(SHAPE, np.uint8), 0, 0
+    layer, freed, halved = np.zeros(LAYER, np.uint8), 0, 0
     for _ in range(6):
         beams = scan(rng)
         before = [plain(cells, source, SHAPE) for source in cells.pool[:3]]
@@ -81,7 +83,7 @@ def test_insertion_equals_one_observation_of_each_cell() -> None:
 def test_full_pool_grows_before_a_scan_counts() -> None:
     rng, pool = np.random.default_rng(3), empty_pool(1, RULE.levels[-1])
     cells, enough = in_patches(pool), in_patches(empty_pool(9, RULE.levels[-1]))
-    layer, grown = np.zeros(SHAPE, np.uint8), 0
+    layer, grown = np.zeros(LAYER, np.uint8), 0
     for share in (0.1, 0.4, 1.0, 1.0):
         beams = scan(rng)
         beams = beams._replace(ends=beams.origins + share * (beams.ends - beams.origins))
@@ -92,3 +94,21 @@ def test_full_pool_grows_before_a_scan_counts() -> None:
     assert grown >= 2
     for found, expected in zip(cells.pool[:3], enough.pool[:3], strict=True):
         np.testing.assert_array_equal(plain(cells, found, SHAPE), plain(enough, expected, SHAPE))
+
+
+def test_deferred_distances_equal_those_of_each_scan() -> None:
+    rng = np.random.default_rng(4)
+    at_once, deferred = (in_patches(empty_pool(400, RULE.levels[-1])) for _ in range(2))
+    layer, counting = np.zeros(LAYER, np.uint8), RULE._replace(max_distance_cells=0)
+    for _ in range(8):
+        beams = scan(rng)
+        assert insert_scan(beams, layer, (0, 0), at_once, RULE)
+        assert insert_scan(beams, layer, (0, 0), deferred, counting)
+    assert (plain(deferred, deferred.pool.distance, SHAPE) == RULE.levels[-1]).all()
+    first, parts = 0, 0
+    while first < deferred.table.size:
+        first, parts = add_distances(first, 50, deferred, RULE), parts + 1
+    assert parts > 2
+    for found, expected in zip(deferred.pool[:3], at_once.pool[:3], strict=True):
+        np.testing.assert_array_equal(plain(deferred, found, SHAPE), plain(at_once, expected, SHAPE))
+    assert add_distances(0, 50, in_patches(empty_pool(9, RULE.levels[-1])), RULE) == deferred.table.size

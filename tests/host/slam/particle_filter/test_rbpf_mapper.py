@@ -14,13 +14,12 @@ from thumper.slam.factory import MappingOptions, Method, make_mapper
 from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.grid.patch_distances import RELEASE, quantized_distances
-from thumper.slam.grid.scan_inserter import COUNT_MAX
+from thumper.slam.grid.patch_free_space import count_misses
 from thumper.slam.particle_filter.options import RbpfOptions
 from thumper.slam.particle_filter.particle_maps import SPARE_PATCHES
 from thumper.slam.particle_filter.particle_patches import copy_tables, grow
-from thumper.slam.particle_filter.patch_free_space import count_misses
 from thumper.slam.particle_filter.rbpf_mapper import RbpfMapper
-from thumper.slam.scan_matching.patches import FAR, empty_pool, writable
+from thumper.slam.scan_matching.patches import COUNT_MAX, FAR, empty_pool, writable
 from thumper_hil.world.world import World
 
 
@@ -64,7 +63,8 @@ def test_counting_eight_misses_at_once_equals_one_by_one() -> None:
     hits = np.where(rng.random(4096) < 0.3, rng.integers(0, COUNT_MAX + 1, 4096), 0).astype(np.uint8)
     misses = rng.integers(0, COUNT_MAX + 1, 4096).astype(np.uint8)
     misses[::7] = COUNT_MAX
-    expected = np.where((crossed == 1) & (hits == 0), np.minimum(misses + 1, COUNT_MAX), misses)
+    more = np.where(misses == COUNT_MAX, COUNT_MAX // 2, misses) + 1
+    expected = np.where((crossed == 1) & (hits == 0), more, misses)
     assert count_misses(crossed.view(np.uint64), hits.view(np.uint64), misses.view(np.uint64))
     np.testing.assert_array_equal(misses, expected)
     hits[crossed == 1] = 0

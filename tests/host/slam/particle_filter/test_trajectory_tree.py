@@ -75,9 +75,11 @@ def test_thinned_scans_still_cover_the_map(monkeypatch: pytest.MonkeyPatch) -> N
     assert 200 < kept <= 500
     np.testing.assert_allclose(graph.path()[:, 0], path_m, atol=1e-9)
     hit_grid = HitGrid(0.1, 0.5, 0.25)
-    half = graph.insert_scans(hit_grid, 0, None, 10_000.0, math.inf)
+    half, left_m = graph.insert_scans(hit_grid, 0, None, 10_000.0, math.inf)
     assert 0 < half < len(path_m)
-    assert graph.insert_scans(hit_grid, half, None, math.inf, math.inf) == len(graph.scans) == len(path_m)
+    assert left_m <= 0.0
+    end, _ = graph.insert_scans(hit_grid, half, None, math.inf, math.inf)
+    assert end == len(graph.scans) == len(path_m)
     grid = hit_grid.grid(percent=False)
     for x_m in np.arange(1.0, 39.0, 0.5):
         assert grid.cells[grid.cell_of(float(x_m), 1.02)] == 100

@@ -1,7 +1,7 @@
 """Free space in patched maps: cells crossed by beams, inserted eight at a time.
 
-The crossed cells are rasterized once for all particles that see the same. Inserting them is then arithmetic
-on whole words (SWAR: Warren, "Hacker's Delight", chapter 2).
+Particles that see the same share the crossed cells. Inserting them is arithmetic on whole words (SWAR:
+Warren, "Hacker's Delight", chapter 2).
 """
 
 from typing import NamedTuple
@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from thumper.common.numba_kernel import kernel
 from thumper.slam.grid.ray_casting import CrossedArray
-from thumper.slam.grid.scan_inserter import COUNT_MAX
 from thumper.slam.scan_matching.distance_field import ByteArray
-from thumper.slam.scan_matching.patches import SIDE, SIDE_BITS, IndexArray
+from thumper.slam.scan_matching.patches import COUNT_MAX, SIDE, SIDE_BITS, IndexArray
 
 CROSSED, ENDED = 1, 2  # bits of a cell of the layer: a beam crossed it, a beam ended in it
 
@@ -23,8 +22,8 @@ WordArray = NDArray[np.uint64]
 
 ONE = np.uint64(0x0101010101010101)  # in each of the eight bytes
 LOW = np.uint64(0x7F7F7F7F7F7F7F7F)
-TO_CARRY = np.uint64(0x0101010101010101 * (0xFF - COUNT_MAX))  # a byte's low bits carry from COUNT_MAX + 1 on
-TOP = np.uint64(7)  # shift that brings a byte's highest bit down
+TO_CARRY = np.uint64(0x0101010101010101 * (0x100 - COUNT_MAX))  # a byte's low bits carry from COUNT_MAX on
+TOP, BYTE, HALF = np.uint64(7), np.uint64(8), np.uint64(1)  # shifts: a byte's highest bit down, bytes, halves
 
 
 class FreeSpaceMask(NamedTuple):
@@ -79,7 +78,7 @@ def hit_and_crossed(crossed: np.uint64, hits: np.uint64) -> np.uint64:
 
 @kernel
 def count_misses(crossed: WordArray, hits: WordArray, misses: WordArray) -> bool:
-    """Add one to the misses of the cells that were crossed and never hit, up to `COUNT_MAX`.
+    """Add one to the misses of the cells that were crossed and never hit; halve a count of `COUNT_MAX` first.
 
     All arrays are of one patch, shape (SIDE * SIDE / 8,). Returns whether a crossed cell had been hit before:
     such a cell may change its state, and is left to the caller. There are no branches, so the compiler
@@ -89,8 +88,10 @@ def count_misses(crossed: WordArray, hits: WordArray, misses: WordArray) -> bool
     for i in range(crossed.size):
         rest = hit_and_crossed(crossed[i], hits[i])
         left |= rest
-        count = misses[i] + (crossed[i] ^ rest)
-        misses[i] = count - (((((count & LOW) + TO_CARRY) & count) >> TOP) & ONE)
+        more, count = crossed[i] ^ rest, misses[i]
+        full = more & ((((count & LOW) + TO_CARRY) & count) >> TOP)
+        full = (full << BYTE) - full  # all bits of its byte
+        misses[i] = ((count & ~full) | ((count >> HALF) & LOW & full)) + more
     return bool(left)
 
 
