@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -76,9 +77,9 @@ class LocalModel:
         self._keepout: Masks = ()
         self._view = view
         self._layers = CostmapLayers(padded, options)
-        radius_m = padded.circumscribed_radius_m
-        self._control_memory = ObstacleMemory(memory, memory.radius_m, view, radius_m)
-        self._planning_memory = ObstacleMemory(memory, memory.planning_radius_m, view, radius_m)
+        remembered = partial(ObstacleMemory, memory, view=view, footprint=footprint, padded=padded)
+        self._control_memory = remembered(radius_m=memory.radius_m)
+        self._planning_memory = remembered(radius_m=memory.planning_radius_m)
         self._unseen = UnseenGround(footprint, view)
         self._costs_s = -math.inf  # when `costmap` was computed
         self._reference: CycleInput | None = None  # see `_follow_map`

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.costmap.ray_evidence import BIN_RAD, Evidence, ScanRays
+from thumper.navigation.footprint import Footprint
 
 CLEARING_M = 0.08  # a ray that passes this far behind a point clears it
 # Looks without an echo from a point clear it, too, if the lidar has moved between them: an open hall returns
@@ -28,6 +29,7 @@ VOXEL_M = 0.02
 # hardly by more than the limit, because the map holds the pose.
 ERROR_FRACTION, MAX_ERROR_M = 0.025, 0.02
 MIN_STEP_M = 0.05  # a shorter movement is the pose noise of a stationary robot
+BELOW_M = 0.04  # inside the outline; the pose may be wrong by less
 BESIDE_M = 0.25  # beyond the robot's circle; about as far as it backs up, where only this memory sees
 
 
@@ -47,17 +49,25 @@ class ObstacleMemoryOptions:
 class ObstacleMemory:
     """Adds to each scan the points near the robot that this scan could not see.
 
-    Points are kept within `radius_m`. `footprint_radius_m` is the radius of the robot's circle: points in it
-    or right beside it are kept until a ray clears them.
+    Points are kept within `radius_m`. Points in the circle of `padded` or right beside it are kept until a
+    ray clears them, or until the robot is where they were: somebody has walked away, or lifted the robot.
     """
 
     def __init__(
-        self, options: ObstacleMemoryOptions, radius_m: float, view: FieldOfView, footprint_radius_m: float
+        self,
+        options: ObstacleMemoryOptions,
+        radius_m: float,
+        view: FieldOfView,
+        *,
+        footprint: Footprint,
+        padded: Footprint,
     ) -> None:
+        """`footprint` is the robot's own, `padded` the one of planning."""
         self._keep_s = options.keep_s
         self._radius_m = radius_m
-        self._footprint_radius_m = footprint_radius_m
-        self._beside_m = footprint_radius_m + BESIDE_M
+        self._half_planes = footprint.half_planes()
+        self._footprint_radius_m = padded.circumscribed_radius_m
+        self._beside_m = self._footprint_radius_m + BESIDE_M
         self._view = view
         self._points_m: FloatArray = np.empty((0, 2))
         self._times_s: FloatArray = np.empty(0)  # when each was last seen
@@ -136,7 +146,7 @@ class ObstacleMemory:
         fresh |= _within(self._points_m, map_from_base, self._beside_m)
         self._keep(fresh)
         evidence = self._judge(time_s, scan_pose, hits_m)
-        gone = (evidence == Evidence.PASSED) | (self._silent >= SILENT_LOOKS)
+        gone = (evidence == Evidence.PASSED) | (self._silent >= SILENT_LOOKS) | self._are_below(scan_pose)
         kept = ~gone & _within(self._points_m, map_from_base, self._radius_m)
         self._keep(kept)
         return np.asarray(evidence[kept] == Evidence.SEEN)
@@ -158,6 +168,13 @@ class ObstacleMemory:
         self._silent[new_look] += 1
         self._looked_from_m[new_look], self._looked_s[new_look] = (lidar.x_m, lidar.y_m), time_s
         return evidence
+
+    def _are_below(self, map_from_base: Pose2) -> NDArray[np.bool_]:
+        """Return which points are below the robot."""
+        points_m = map_from_base.inverse().apply(self._points_m)
+        depths_m = self._half_planes[:, 2] - points_m @ self._half_planes[:, :2].T
+        below: NDArray[np.bool_] = depths_m.min(axis=1) > BELOW_M
+        return below
 
     def _count_distance(self, map_from_base: Pose2) -> None:
         """Sum up the movement of the outermost point, without the pose noise of a stationary robot."""

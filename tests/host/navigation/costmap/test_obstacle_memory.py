@@ -18,13 +18,18 @@ from thumper.navigation.footprint import Footprint
 RADIUS_M = Footprint().circumscribed_radius_m
 
 
+def memory_of_a_thumper() -> ObstacleMemory:
+    view, body = FieldOfView(base_from_laser=Pose2()), Footprint()
+    return ObstacleMemory(ObstacleMemoryOptions(), 0.8, view, footprint=body, padded=body)
+
+
 def ring(radius_m: float) -> FloatArray:
     angles_rad = np.linspace(-2.0, 2.0, 400)
     return np.column_stack((radius_m * np.cos(angles_rad), radius_m * np.sin(angles_rad)))
 
 
 def test_memory_keeps_hidden_points_and_clears_those_that_a_ray_passes() -> None:
-    memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), RADIUS_M)
+    memory = memory_of_a_thumper()
     post = np.array(((0.6, 0.0),))
     assert len(memory.update(0.0, Pose2(), post)) == 0  # in view: nothing to add
     assert memory.update(0.1, Pose2(theta_rad=math.pi), np.empty((0, 2))) == pytest.approx(post)  # behind
@@ -39,7 +44,7 @@ def test_memory_keeps_hidden_points_and_clears_those_that_a_ray_passes() -> None
 
 
 def test_a_recheck_forgets_what_rays_pass_but_no_post_that_it_sees_and_remembers_nothing_new() -> None:
-    memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), RADIUS_M)
+    memory = memory_of_a_thumper()
     post, ghost, new = np.array(((0.6, 0.0),)), np.array(((0.5, 0.4),)), np.array(((0.5, -0.4),))
     memory.update(0.0, Pose2(), np.vstack((post, ghost)))
     for time_s in (10.0, 20.0, 30.0):  # a point that is seen does not age
@@ -50,19 +55,26 @@ def test_a_recheck_forgets_what_rays_pass_but_no_post_that_it_sees_and_remembers
 
 def test_points_beside_the_footprint_do_not_age() -> None:
     """A robot stationary for half a minute beside a post would otherwise forget it and swing into it."""
-    memory, turned = (
-        ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), RADIUS_M),
-        Pose2(theta_rad=3.0),
-    )
+    memory, turned = memory_of_a_thumper(), Pose2(theta_rad=3.0)
     post, further = np.array(((RADIUS_M + 0.05, 0.0),)), np.array(((RADIUS_M + 0.30, 0.1),))
     memory.update(0.0, Pose2(), np.vstack((post, further)))
     assert memory.update(600.0, turned, np.empty((0, 2))) == pytest.approx(post)
     assert len(memory.update(600.1, Pose2(), ring(2.0))) == 0  # until rays pass it
 
 
+def test_what_the_robot_stands_on_is_gone() -> None:
+    """Somebody stepped over the robot, or it was lifted over a post: no ray clears what is below it."""
+    memory, turned = memory_of_a_thumper(), Pose2(theta_rad=3.0)
+    beside, below = np.array(((-0.18, 0.0),)), np.array(((-0.15, 0.0),))
+    memory.update(0.0, Pose2(x_m=-0.6), np.vstack((beside, below)))
+    left = memory.update(0.1, Pose2(), np.empty((0, 2)), new_m=np.empty((0, 2)))
+    assert left == pytest.approx(beside)
+    assert len(memory.update(0.2, turned, np.empty((0, 2)))) == 1
+
+
 def test_reset_forgets_only_what_the_lidar_can_observe_again() -> None:
     """After a reset the robot backs up, so it must remember a post behind it."""
-    memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), RADIUS_M)
+    memory = memory_of_a_thumper()
     ahead, behind = np.array(((0.4, 0.0),)), np.array(((-0.4, 0.0),))
     memory.update(0.0, Pose2(), np.vstack((ahead, behind)))
     memory.forget_beyond(Pose2(), 0.3)
@@ -72,7 +84,7 @@ def test_reset_forgets_only_what_the_lidar_can_observe_again() -> None:
 
 def test_position_error_grows_with_the_distance_driven() -> None:
     """The pose drifts by driving and turning; pose noise at standstill adds nothing."""
-    memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, FieldOfView(base_from_laser=Pose2()), RADIUS_M)
+    memory = memory_of_a_thumper()
     post, nothing, turned = np.array(((0.4, 0.0),)), np.empty((0, 2)), Pose2(theta_rad=2.5)
     memory.update(0.0, Pose2(), post)
     assert memory.position_error_m.size == 0  # in view
@@ -82,7 +94,7 @@ def test_position_error_grows_with_the_distance_driven() -> None:
         memory.update(0.2, Pose2(x_m=0.003 * (i % 2), theta_rad=2.5), nothing)
     assert memory.position_error_m == pytest.approx([ERROR_FRACTION * 2.5 * RADIUS_M])
     for i in range(10):
-        memory.update(0.3, Pose2(x_m=0.3 * (i % 2), theta_rad=2.5), nothing)
+        memory.update(0.3, Pose2(x_m=-0.3 * (i % 2), theta_rad=2.5), nothing)
     assert memory.position_error_m == pytest.approx([MAX_ERROR_M])
     memory.update(0.4, Pose2(), post)
     memory.update(0.5, turned, nothing)

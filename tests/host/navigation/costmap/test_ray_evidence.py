@@ -24,7 +24,7 @@ def ring(radius_m: float, *, silent_rad: float = 0.0) -> FloatArray:
 
 
 def memory_of_the_post() -> ObstacleMemory:
-    memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, VIEW, Footprint().circumscribed_radius_m)
+    memory = ObstacleMemory(ObstacleMemoryOptions(), 0.8, VIEW, footprint=Footprint(), padded=Footprint())
     memory.update(0.0, Pose2(), POST)
     return memory
 
