@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thumper.common.geometry import FloatArray, Twist2
+from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
@@ -20,6 +20,7 @@ from thumper.navigation.safety.dynamic_obstacles import (
 )
 from thumper.navigation.safety.escape import Escape
 from thumper.navigation.safety.give_way import GiveWay
+from thumper.navigation.safety.patience import Patience
 from thumper.navigation.safety.tracks import STEPS, Tracks
 from thumper.navigation.safety.velocity_smoother import smooth_velocity
 from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
@@ -29,6 +30,10 @@ NOBODY: FloatArray = np.empty((STEPS, 0, 3))
 # After so long of giving way in total the robot has priority for so long: it waits only for who comes into
 # its path next. While nobody is in conflict, the total falls as slowly as it does with priority.
 GIVING_WAY_S, PRIORITY_S = 6.0, 60.0
+# After so long of waiting, something that moves but has no track, such as a curtain, is an obstacle like any
+# other for so long.
+WAITING_S, UNHEEDED_S = 6.0, 6.0
+BEHIND_M = 0.3  # to give way backward, the robot must see so far
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +71,9 @@ class CommandFilter:
         self._tracks = Tracks(dynamic_obstacles.least_m_s)
         self._give_way = GiveWay(limits, padded, margin_m=dynamic_obstacles.margin_m)
         self._costmap: Costmap | None = None
-        self._gave_way_s, self._has_priority = 0.0, False
+        self._giving_way = Patience(GIVING_WAY_S, PRIORITY_S)
+        self._waiting = Patience(WAITING_S, UNHEEDED_S)
+        self._sees_behind = _is_in_view(padded.polygon_m() - (BEHIND_M, 0.0), view)
 
     def update(self, cycle: CycleInput, model: LocalModel) -> None:
         """Take the cycle's obstacles, and detect the dynamic ones."""
@@ -85,7 +92,7 @@ class CommandFilter:
 
         What rests near who walks is an obstacle like any other.
         """
-        if not self._gives_way or self._has_priority:
+        if not self._gives_way or self._giving_way.is_over:
             return np.zeros(len(points_m), np.bool_)
         walk = self._tracks.are_near(points_m)
         walk[walk] = ~self._dynamic_obstacles.rested(points_m[walk])
@@ -108,15 +115,16 @@ class CommandFilter:
         """
         command, reason = wanted.command, wanted.reason
         points_m = self._obstacles.points_m
-        gives_way = allow_escape and self._gives_way and not self._has_priority
+        gives_way = allow_escape and self._gives_way and not self._giving_way.is_over
         discs = self._predicted() if gives_way else NOBODY
         is_conflict = gives_way and self._give_way.is_in_conflict(command or Twist2(), request, discs)
-        self._count_giving_way(request.period_s, gave_way=is_conflict)
+        self._giving_way.count(request.period_s, waits=is_conflict)
         if is_conflict:
             return self._give_way_command(request, discs)
         if command is not None:
-            moving = self._tracks.untracked if gives_way else self._dynamic_obstacles.moving
-            if stop := self._waiting_reason(command, request, moving):
+            stop = self._waiting_reason(command, request, self._heeded(gives_way=gives_way))
+            self._waiting.count(request.period_s, waits=stop is not None)
+            if stop is not None:
                 return FilteredCommand(command=Twist2(), reason=stop, yielding=True)
             command, stop = self._monitored(command, request, points_m)
             if stop is None:
@@ -144,11 +152,14 @@ class CommandFilter:
             command, request.twist, points_m, error_m, request.period_s, seen=seen
         )
 
-    def _count_giving_way(self, period_s: float, *, gave_way: bool) -> None:
-        """Give the robot priority after it gave way for long, and end that later."""
-        change_s = period_s if gave_way else -period_s * GIVING_WAY_S / PRIORITY_S
-        self._gave_way_s = max(self._gave_way_s + change_s, 0.0)
-        self._has_priority = self._gave_way_s > (0.0 if self._has_priority else GIVING_WAY_S)
+    def _heeded(self, *, gives_way: bool) -> list[MovingObject]:
+        """Return what the robot waits for: with `gives_way` only what has no track, else all that moves."""
+        untracked = self._tracks.untracked
+        if not self._waiting.is_over:
+            return untracked if gives_way else self._dynamic_obstacles.moving
+        if gives_way:
+            return []
+        return [one for one in self._dynamic_obstacles.moving if all(one is not other for other in untracked)]
 
     def _predicted(self) -> FloatArray:
         """Return the predicted discs of all that moves, as `Tracks.predicted`."""
@@ -159,13 +170,16 @@ class CommandFilter:
     def _give_way_command(self, request: ControlRequest, discs: FloatArray) -> FilteredCommand:
         """Return the motion that lets somebody pass, as far as the monitor allows it.
 
-        Only what does not walk slows it down: the plans know where people will be.
+        Only what does not walk slows it down: the plans know where people will be. Somebody may come from
+        where the lidar does not see: the robot does not back off into it.
         """
         points_m = self._obstacles.points_m
         still_m = points_m[~self.are_walking(request.map_from_base.apply(points_m))]
 
         def allowed(wanted: Twist2) -> Twist2 | None:
-            if self._waiting_reason(wanted, request, self._tracks.untracked):
+            if wanted.v_m_s < 0.0 and not self._sees_behind:
+                return None
+            if self._waiting_reason(wanted, request, self._heeded(gives_way=True)):
                 return None
             command, stop = self._monitored(wanted, request, still_m)
             return command if stop is None else None
@@ -185,3 +199,9 @@ class CommandFilter:
             return None
         stop = self._waiting_reason(command, request, self._dynamic_obstacles.moving)
         return command if stop is None else None
+
+
+def _is_in_view(points_m: FloatArray, view: FieldOfView) -> bool:
+    """Return whether the lidar sees these places, shape (n, 2) in base_link, if nothing hides them."""
+    bearings_rad, ranges_m = view.bearings_and_ranges(Pose2(), points_m)
+    return bool(view.contains(bearings_rad, ranges_m, edge_rad=0.0).all())

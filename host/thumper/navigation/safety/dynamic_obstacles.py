@@ -135,19 +135,23 @@ class DynamicObstacles:
         v = np.where(times_s < self._limits.latency_s, twist.v_m_s, command.v_m_s)
         w = np.where(times_s < self._limits.latency_s, twist.w_rad_s, command.w_rad_s)
         theta = map_from_base.theta_rad + np.cumsum(w) * STEP_S
-        x = map_from_base.x_m + np.cumsum(v * np.cos(theta)) * STEP_S
-        y = map_from_base.y_m + np.cumsum(v * np.sin(theta)) * STEP_S
+        cos, sin = np.cos(theta), np.sin(theta)
+        at_m = np.array((map_from_base.x_m, map_from_base.y_m))
+        at_m = at_m + np.cumsum(np.column_stack((v * cos, v * sin)), axis=0) * STEP_S
+        normals = self._half_planes[:, :2]
+        normals_in_map = np.stack(  # of the outline at each time
+            (
+                np.outer(cos, normals[:, 0]) - np.outer(sin, normals[:, 1]),
+                np.outer(sin, normals[:, 0]) + np.outer(cos, normals[:, 1]),
+            ),
+            axis=1,
+        )
+        least_m = self._half_planes[:, 2] + self._options.margin_m
         for points_m, velocity_m_s in moving:
-            for k, time_s in enumerate(times_s):
-                dx, dy = (points_m + velocity_m_s * time_s - (x[k], y[k])).T
-                cos, sin = math.cos(theta[k]), math.sin(theta[k])
-                in_base = np.column_stack((cos * dx + sin * dy, -sin * dx + cos * dy))
-                inside = (
-                    self._half_planes[:, 2] + self._options.margin_m - in_base @ self._half_planes[:, :2].T
-                )
-                if (inside.min(axis=1) > 0.0).any():
-                    speed_m_s = math.hypot(*velocity_m_s)
-                    return f"waiting for a dynamic obstacle that moves at {speed_m_s:.1f} m/s"
+            offset_m = points_m + (velocity_m_s * times_s[:, None] - at_m)[:, None]
+            if (offset_m @ normals_in_map < least_m).all(axis=2).any():
+                speed_m_s = math.hypot(*velocity_m_s)
+                return f"waiting for a dynamic obstacle that moves at {speed_m_s:.1f} m/s"
         return None
 
     def _detect(self, scan: PastScan, earlier: list[PastScan]) -> list[MovingObject]:

@@ -1,5 +1,6 @@
 """The order of the checks: dynamic obstacles first, then smoothing, slowing, the monitor, and the escape."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
@@ -15,7 +16,13 @@ from thumper.navigation.controllers.controller import ControlResult
 from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.safety.collision_monitor import CollisionMonitorOptions
-from thumper.navigation.safety.command_filter import GIVING_WAY_S, PRIORITY_S, CommandFilter, FilteredCommand
+from thumper.navigation.safety.command_filter import (
+    GIVING_WAY_S,
+    PRIORITY_S,
+    WAITING_S,
+    CommandFilter,
+    FilteredCommand,
+)
 from thumper.navigation.safety.dynamic_obstacles import DynamicObstacleOptions, MovingObject
 from thumper.navigation.safety.tracks import STEPS
 from thumper.navigation.speed_limits import SpeedLimits
@@ -29,7 +36,7 @@ FRONT_M = 0.21
 class Filter:
     """A command filter whose obstacles and dynamic obstacles a test sets."""
 
-    def __init__(self, ahead_s: float = 2.0) -> None:
+    def __init__(self, ahead_s: float = 2.0, view: FieldOfView | None = None) -> None:
         self.filter = CommandFilter(
             limits=SpeedLimits(),
             monitor=CollisionMonitorOptions(),
@@ -37,7 +44,7 @@ class Filter:
             footprint=Footprint(),
             padded=Footprint(),
             drive=None,
-            view=FieldOfView(),
+            view=view or FieldOfView(),
         )
         self.yields_to: list[Twist2] = []
         vars(self.filter._dynamic_obstacles)["stop_reason"] = self._stop_reason
@@ -132,6 +139,33 @@ def test_robot_that_gives_way_is_slowed_before_what_does_not_walk(walks: bool) -
     command = checked.run(fast, np.array(((0.58, 0.0),)), last=fast).command
     assert command is not None
     assert (command.v_m_s < 0.39) is not walks
+
+
+@pytest.mark.parametrize("opening_rad", [math.radians(240.0), math.tau])
+def test_robot_gives_way_backward_only_if_it_sees_behind(opening_rad: float) -> None:
+    back = Twist2(v_m_s=-0.1)
+
+    def backs_off(_request: object, _discs: object, allowed: Callable[[Twist2], Twist2 | None]) -> Twist2:
+        return allowed(back) or Twist2()
+
+    checked = Filter(view=FieldOfView(opening_rad=opening_rad))
+    checked.gives_way()
+    vars(checked.filter._give_way)["best_command"] = backs_off
+    command = checked.run(SLOW, last=back).command
+    assert command == (back if opening_rad == math.tau else Twist2())
+
+
+@pytest.mark.parametrize("allow_escape", [True, False])
+def test_robot_does_not_wait_for_ever_for_what_has_no_track(*, allow_escape: bool) -> None:
+    checked, waiting = Filter(), 0
+    checked.yields_to = [SLOW]
+    checked.sees_person(untracked=True)
+    while checked.run(SLOW, allow_escape=allow_escape).yielding:
+        waiting += 1
+    assert waiting == pytest.approx(WAITING_S / PERIOD_S, abs=1)
+    if not allow_escape:  # a person with a track is waited for as before
+        checked.sees_person(untracked=False)
+        assert checked.run(SLOW, allow_escape=False).yielding
 
 
 def test_robot_has_priority_after_it_gave_way_for_long() -> None:
