@@ -123,6 +123,7 @@ class DwaController:
             steps=round(options.horizon_s / step_s),
             period_s=request.period_s,
             path_m=path_m,
+            arrives=bool((path_m[-1] == request.path_m[-1]).all()),
         )
         status, terms = score_commands(task, commands, CollisionGrid.from_costmap(costmap, self._footprint))
         admissible = status == FREE

@@ -13,6 +13,7 @@ from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal
 FREE, HITS_OBSTACLE, LEAVES_MAP = 0, 1, 2
 CLEARANCE, PATH, GOAL, FRONT, CUT = 0, 1, 2, 3, 4
 SLIDE_POINTS = 2  # extra outline points that may touch while the robot leaves a contact
+ARRIVED_M = 0.1  # a rollout that comes nearer to the path's end passes it
 FRONT_M = 0.25  # a point this far ahead of the robot keeps it pointing along the path
 
 
@@ -43,6 +44,7 @@ class RolloutTask(NamedTuple):
     steps: int
     period_s: float
     path_m: FloatArray  # shape (n, 2), the part of the path that counts
+    arrives: bool  # its end is that of the whole path: a rollout that passes it has arrived there
 
 
 @kernel
@@ -98,6 +100,17 @@ def distance_to_path(path_m: FloatArray, x: float, y: float) -> float:
 
 
 @kernel
+def arrival(poses: FloatArray, end_x: float, end_y: float) -> int:
+    """Return the pose, of shape (n, 3), nearest to the path's end if the motion passes it; else the last."""
+    nearest, least = poses.shape[0] - 1, ARRIVED_M
+    for i in range(poses.shape[0]):
+        distance = math.hypot(poses[i, 0] - end_x, poses[i, 1] - end_y)
+        if distance < least:
+            nearest, least = i, distance
+    return int(nearest)
+
+
+@kernel
 def score_commands(
     task: RolloutTask, commands: FloatArray, grid: CollisionGrid
 ) -> tuple[NDArray[np.int64], FloatArray]:
@@ -107,20 +120,24 @@ def score_commands(
     period and one reserve step, and braking at constant deceleration takes half the distance that driving on
     would. Its rollout ends before the contact.
 
+    A rollout that passes the end of the whole path is compared with the path only up to there: the speed
+    limit lets the robot brake in time. What it drives beyond is a gain, else the robot would creep there.
+
     Returns
     -------
     status : ndarray, shape (n,)
         FREE, HITS_OBSTACLE (the outline meets an obstacle too soon) or LEAVES_MAP.
     terms : ndarray, shape (n, 5)
         In metres: least distance of the centre from an obstacle (CLEARANCE), mean distance from the path
-        (PATH), distance of the last pose from the path's end (GOAL), distance of a point `FRONT_M` ahead of
-        it from the path (FRONT). Then the fraction of the steps that a contact cuts off (CUT).
+        (PATH), distance of the last pose from the path's end, negative beyond it (GOAL), distance of a point
+        `FRONT_M` ahead of it from the path (FRONT). Then the fraction of the steps that a contact cuts off
+        (CUT).
     """
     start, dynamics, steps, path_m = task.start, task.dynamics, task.steps, task.path_m
     count = commands.shape[0]
     status = np.zeros(count, np.int64)
     terms = np.zeros((count, 5))
-    poses = np.empty((steps, 3))
+    poses, off_path = np.empty((steps, 3)), np.empty((steps + 1) // 2)  # summed up from the start
     touching = max(0, lethal_count(grid, False, start.x, start.y, start.theta))
     origin_x, origin_y, resolution_m = grid.origin[0], grid.origin[1], grid.resolution
     end_x, end_y = path_m[-1, 0], path_m[-1, 1]
@@ -134,17 +151,21 @@ def score_commands(
                 continue
             status[n] = FREE
         least = np.int32(2147483647)
-        off_path = 0.0
+        off_path[0] = 0.0
         for i in range(free):
             col = math.floor((poses[i, 0] - origin_x) / resolution_m)
             row = math.floor((poses[i, 1] - origin_y) / resolution_m)
             least = min(least, grid.squared_cells[row, col])
             if i % 2 == 0:
-                off_path += distance_to_path(path_m, poses[i, 0], poses[i, 1])
-        x, y, theta = poses[free - 1]
+                off_path[i // 2] = distance_to_path(path_m, poses[i, 0], poses[i, 1])
+                if i > 0:
+                    off_path[i // 2] += off_path[i // 2 - 1]
+        last = arrival(poses[:free], end_x, end_y) if task.arrives else free - 1
+        x, y, theta = poses[last]
         terms[n, CLEARANCE] = math.sqrt(least) * resolution_m
-        terms[n, PATH] = off_path / ((free + 1) // 2)
-        terms[n, GOAL] = math.hypot(x - end_x, y - end_y)
+        terms[n, PATH] = off_path[last // 2] / (last // 2 + 1)
+        beyond = math.hypot(poses[free - 1, 0] - x, poses[free - 1, 1] - y)
+        terms[n, GOAL] = math.hypot(x - end_x, y - end_y) - beyond
         terms[n, FRONT] = distance_to_path(
             path_m, x + FRONT_M * math.cos(theta), y + FRONT_M * math.sin(theta)
         )

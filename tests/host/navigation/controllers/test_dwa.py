@@ -139,3 +139,13 @@ def test_window_stays_within_the_limits() -> None:
 def test_rejects_a_horizon_shorter_than_the_stopping_time() -> None:
     with pytest.raises(ThumperError, match=r"horizon_s = 0\.8 is too short .* use at least 1\.10"):
         DwaController(DwaOptions(horizon_s=0.8), RotateInPlaceOptions(), LIMITS, Footprint())
+
+
+@pytest.mark.parametrize("left_m", [0.15, 0.3, 0.45])
+def test_drives_to_the_end_of_the_path_as_fast_as_it_may(left_m: float) -> None:
+    """The speed limit brakes in time; to reach the end only at the end of the rollout is to creep."""
+    allowed = Twist2(v_m_s=0.3)
+    at_end = request(straight_path(length_m=left_m), last=allowed, v_limit_m_s=0.3)
+    command = controller().compute_command(at_end).command
+    assert command is not None
+    assert command.v_m_s == pytest.approx(0.3)
