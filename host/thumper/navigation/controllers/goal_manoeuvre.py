@@ -6,9 +6,10 @@ it must arrive in a heading in which it fits, and the way there must allow for t
 
 import math
 
-from thumper.common.geometry import Twist2
+from thumper.common.geometry import Pose2, Twist2
 from thumper.common.texts import place_text
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
+from thumper.navigation.controllers.goal_checker import NEAR_ENOUGH
 from thumper.navigation.controllers.tight_passage import PoseSequenceFollower
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
@@ -104,6 +105,9 @@ class GoalManoeuvre:
     def _follow(self, request: ControlRequest, goal: Goal) -> ControlResult | None:
         refused = self._wanted and request.last_command == Twist2()
         result = self._follower.compute_command(request)
+        if self._is_there(request, goal, result):
+            self._follower.stop()
+            result = None
         self._wanted = result is not None and result.command not in (None, Twist2())
         blocked = refused or (result is not None and result.command is None)
         self._blocked = self._blocked + 1 if blocked else 0
@@ -114,11 +118,20 @@ class GoalManoeuvre:
         if result is not None:
             return result
         base = request.map_from_base
-        self.arrived = goal.distance_m(base) <= goal.tolerance_m and (
-            abs(goal.heading_error_rad(base)) <= goal.heading_tolerance_rad
-        )
+        self.arrived = _is_at(goal, base, goal.tolerance_m)
         if self.arrived:
             return ControlResult(command=Twist2())
         self.place = ""
         self._stopping = self._attempts < MOST_ATTEMPTS  # else the usual controllers go on
         return ControlResult(command=Twist2()) if self._stopping else None
+
+    def _is_there(self, request: ControlRequest, goal: Goal, result: ControlResult | None) -> bool:
+        """Return whether the poses that are left bring the robot no nearer: it fits where it is."""
+        turns = result is not None and result.command is not None and result.command.v_m_s == 0.0
+        tolerance_m = goal.tolerance_m if turns else NEAR_ENOUGH * goal.tolerance_m
+        return not self.place and _is_at(goal, request.map_from_base, tolerance_m)
+
+
+def _is_at(goal: Goal, base: Pose2, tolerance_m: float) -> bool:
+    is_turned = abs(goal.heading_error_rad(base)) <= goal.heading_tolerance_rad
+    return is_turned and goal.distance_m(base) <= tolerance_m

@@ -40,11 +40,13 @@ def follower() -> PoseSequenceFollower:
     return PoseSequenceFollower(TightPassageOptions(), SpeedLimits(), Footprint(), lattice)
 
 
-def begun(follower: PoseSequenceFollower, start: Pose2) -> tuple[GoalManoeuvre, ControlResult]:
+def begun(
+    follower: PoseSequenceFollower, start: Pose2, goal: Goal = GOAL
+) -> tuple[GoalManoeuvre, ControlResult]:
     """Return a manoeuvre that has planned its way, and its first motion."""
     manoeuvre = GoalManoeuvre(follower, Footprint())
     for _ in range(50):
-        result = manoeuvre.compute_command(request_at(start), GOAL)
+        result = manoeuvre.compute_command(request_at(start), goal)
         if result is not None and result.command not in (None, Twist2()):
             return manoeuvre, result
     raise AssertionError("no way was found")
@@ -59,6 +61,22 @@ def test_refused_motion_is_planned_again(follower: PoseSequenceFollower) -> None
         manoeuvre.compute_command(request_at(start), GOAL)
     assert manoeuvre.active
     assert not follower.active
+
+
+@pytest.mark.parametrize(
+    ("heading_rad", "off_m", "arrives"), [(None, 0.03, True), (None, 0.12, False), (0.0, 0.03, False)]
+)
+def test_robot_that_fits_at_the_goal_does_not_turn_there(
+    follower: PoseSequenceFollower, heading_rad: float | None, off_m: float, arrives: bool
+) -> None:
+    """The planned poses may end in another heading than the robot has; any will do if none is wanted."""
+    goal = Goal(x_m=0.5, y_m=WALL_Y_M + 0.25, theta_rad=heading_rad)
+    manoeuvre, _ = begun(follower, Pose2(x_m=0.2, y_m=-0.5), goal)
+    there = Pose2(x_m=goal.x_m - off_m, y_m=goal.y_m, theta_rad=0.4)
+    result = manoeuvre.compute_command(request_at(there, last_command=Twist2(v_m_s=0.1)), goal)
+    assert result is not None
+    assert manoeuvre.arrived is arrives
+    assert (result.command == Twist2()) is arrives
 
 
 def test_motion_under_way_is_not_refused(follower: PoseSequenceFollower) -> None:
