@@ -169,7 +169,8 @@ def _effects(of: type) -> dict[str, str]:
                 while above in alone:
                     lines, above = [above, *lines], above - 1
             if lines:
-                effects[node.target.id] = _text(" ".join(comments[row].string[1:].strip() for row in lines))
+                words = " ".join(comments[row].string[1:].strip() for row in lines)
+                effects[node.target.id] = _text(_with_capital_and_stop(words))
     return effects
 
 
@@ -222,6 +223,13 @@ def _default_text(value: Any) -> str:
     if isinstance(value, tuple | list):
         return f"[{', '.join(_default_text(one) for one in value)}]"
     return f"`{value}`" if isinstance(value, str | Path) else str(value)
+
+
+def _with_capital_and_stop(words: str) -> str:
+    """Return a comment as a table has it; the first word stays if it is a name in code."""
+    if words.partition(" ")[0].rstrip(",:;").replace("-", "").isalpha():
+        words = words[:1].upper() + words[1:]
+    return words if words.endswith((".", "?", "!")) else f"{words}."
 
 
 def _text(words: str) -> str:
