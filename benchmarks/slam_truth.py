@@ -124,6 +124,8 @@ PLACES: dict[str, tuple[Callable[[np.random.Generator], tuple[World, list[Pose2]
     "loop 40 x 25 m": (loop(40.0, 25.0), "4 m, 240 deg", False),
     "loop 60 x 40 m": (loop(60.0, 40.0), "30 m, 270 deg", False),
     "loop 100 x 60 m": (loop(100.0, 60.0), "80 m, 180 deg", False),
+    "loop 160 x 100 m": (loop(160.0, 100.0), "30 m, 270 deg", False),
+    "loop 200 x 60 m": (loop(200.0, 60.0), "30 m, 270 deg", False),
 }
 
 
