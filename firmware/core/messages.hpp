@@ -8,7 +8,7 @@
 
 namespace fw {
 
-constexpr uint32_t kSchemaHash = 0x9C863629UL;
+constexpr uint32_t kSchemaHash = 0xDE20ECC9UL;
 constexpr size_t kMaxHostPayload = 4;  ///< [bytes] largest payload from the host
 constexpr size_t kMaxPayload = 48;     ///< [bytes] largest payload in either direction
 
@@ -248,29 +248,30 @@ enum class Parameter : uint8_t {
   kKv = 3,  ///< [PWM/(rad/s) * 524.288] Feed-forward for speed, at 3.7 V per cell. 0 also disables ka and the speed prediction.
   kKa = 4,  ///< [PWM/(rad/s^2) * 524.288] Feed-forward for acceleration, at 3.7 V per cell. ka / kv is the wheel's time constant.
   kAcceleration = 5,  ///< [rad/s^2 * 100.0] Acceleration limit of the set-point ramp; 0 = no ramp.
-  kCurrentLimit = 6,  ///< [A * 1000.0] A motor current above this for 0.3 s is a fault. The sensor measures up to 20 A.
-  kCountsPerRev = 7,  ///< [count * 1.0] Encoder counts per wheel revolution.
-  kWheelRadius = 8,  ///< [mm * 1.0] Wheel radius.
-  kTrack = 9,  ///< [mm * 1.0] Distance between the middle wheels' contact points.
-  kLeftMotorReversed = 10,  ///< [ * 1.0] 1: the left motor runs forward when its pins say reverse.
-  kRightMotorReversed = 11,  ///< [ * 1.0] 1: the right motor runs forward when its pins say reverse.
-  kLeftEncoderReversed = 12,  ///< [ * 1.0] 1: the left encoder counts down while the wheel rolls forward.
-  kRightEncoderReversed = 13,  ///< [ * 1.0] 1: the right encoder counts down while the wheel rolls forward.
-  kBatteryCells = 14,  ///< [ * 1.0] Battery cells in series. Above 4.5 V per cell is a fault.
-  kBatteryStop = 15,  ///< [V * 1000.0] Voltage per cell below which the motors stop.
-  kBatteryRearm = 16,  ///< [V * 1000.0] Voltage per cell above which the robot may be armed.
-  kCurrentScale = 17,  ///< [mA * 512.0] Motor current per ADC count.
-  kCurrentZero = 18,  ///< [count * 1.0] ADC reading of a motor current of zero.
-  kStallCurrent = 19,  ///< [A * 500.0] Current of a side's blocked motors at full PWM; 0 = unknown.
-  kPwmFrequency = 20,  ///< [Hz * 1.0] PWM frequency: 122, 245, 490, 980, 3922 or 31373 (silent); another value is rounded down.
-  kInput1 = 21,  ///< [ * 1.0] Protecting input 1 stops the motors: 0 never, 1 while it is low, 2 while it is high.
-  kInput2 = 22,  ///< [ * 1.0] As input_1, for input 2.
-  kGyroscope = 23,  ///< [ * 1.0] MPU-6050 at A4 and A5: 0 none, 1 its z axis points up, 2 down.
-  kCurrentsAtA4 = 24,  ///< [ * 1.0] Motor currents: 0 at A6 and A7; 1 at A4 and A5, for an Uno. Then there is no gyroscope.
-  kTiltLimit = 25,  ///< [V * 51.2] Tilted if the accelerometer's z is less than this above 1.65 V; 0 = never, negative: z down.
-  kImpactLimit = 26,  ///< [V * 51.2] Impact if the accelerometer's output changes by more than this in 3 ms; 0 = never.
+  kDeceleration = 6,  ///< [rad/s^2 * 100.0] Deceleration limit of the set-point ramp; 0 = as acceleration.
+  kCurrentLimit = 7,  ///< [A * 1000.0] A motor current above this for 0.3 s is a fault. The sensor measures up to 20 A.
+  kCountsPerRev = 8,  ///< [count * 1.0] Encoder counts per wheel revolution.
+  kWheelRadius = 9,  ///< [mm * 1.0] Wheel radius.
+  kTrack = 10,  ///< [mm * 1.0] Distance between the middle wheels' contact points.
+  kLeftMotorReversed = 11,  ///< [ * 1.0] 1: the left motor runs forward when its pins say reverse.
+  kRightMotorReversed = 12,  ///< [ * 1.0] 1: the right motor runs forward when its pins say reverse.
+  kLeftEncoderReversed = 13,  ///< [ * 1.0] 1: the left encoder counts down while the wheel rolls forward.
+  kRightEncoderReversed = 14,  ///< [ * 1.0] 1: the right encoder counts down while the wheel rolls forward.
+  kBatteryCells = 15,  ///< [ * 1.0] Battery cells in series. Above 4.5 V per cell is a fault.
+  kBatteryStop = 16,  ///< [V * 1000.0] Voltage per cell below which the motors stop.
+  kBatteryRearm = 17,  ///< [V * 1000.0] Voltage per cell above which the robot may be armed.
+  kCurrentScale = 18,  ///< [mA * 512.0] Motor current per ADC count.
+  kCurrentZero = 19,  ///< [count * 1.0] ADC reading of a motor current of zero.
+  kStallCurrent = 20,  ///< [A * 500.0] Current of a side's blocked motors at full PWM; 0 = unknown.
+  kPwmFrequency = 21,  ///< [Hz * 1.0] PWM frequency: 122, 245, 490, 980, 3922 or 31373 (silent); another value is rounded down.
+  kInput1 = 22,  ///< [ * 1.0] Protecting input 1 stops the motors: 0 never, 1 while it is low, 2 while it is high.
+  kInput2 = 23,  ///< [ * 1.0] As input_1, for input 2.
+  kGyroscope = 24,  ///< [ * 1.0] MPU-6050 at A4 and A5: 0 none, 1 its z axis points up, 2 down.
+  kCurrentsAtA4 = 25,  ///< [ * 1.0] Motor currents: 0 at A6 and A7; 1 at A4 and A5, for an Uno. Then there is no gyroscope.
+  kTiltLimit = 26,  ///< [V * 51.2] Tilted if the accelerometer's z is less than this above 1.65 V; 0 = never, negative: z down.
+  kImpactLimit = 27,  ///< [V * 51.2] Impact if the accelerometer's output changes by more than this in 3 ms; 0 = never.
 };
-constexpr uint8_t kParameterCount = 27;
+constexpr uint8_t kParameterCount = 28;
 
 /// Range and default of a parameter, as wire values. The table is in flash: read it with ReadFlash().
 struct ParameterRange {
@@ -283,6 +284,7 @@ constexpr ParameterRange kParameterRanges[kParameterCount] FW_IN_FLASH = {
     {0, 31457, 8976},  // kv
     {0, 10486, 673},  // ka
     {0, 20000, 800},  // acceleration
+    {0, 20000, 1600},  // deceleration
     {1000, 20000, 8000},  // current_limit
     {40, 30000, 1200},  // counts_per_rev
     {10, 500, 62},  // wheel_radius

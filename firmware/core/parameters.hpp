@@ -45,8 +45,8 @@ class Parameters {
   /// Compute the controllers' constants at this battery voltage.
   void Derive(uint16_t battery_mV, WheelConfig* config) const {
     config->pi = {Get(Parameter::kKp), Get(Parameter::kKi)};
-    config->ramp_step_mrad_s = RampStep(Get(Parameter::kAcceleration));
-    DeriveModel(Get(Parameter::kKv), Get(Parameter::kKa), config->ramp_step_mrad_s, &config->feed_forward);
+    config->ramp = MakeRampSteps(Get(Parameter::kAcceleration), Get(Parameter::kDeceleration));
+    DeriveModel(Get(Parameter::kKv), Get(Parameter::kKa), config->ramp.Largest(), &config->feed_forward);
     ScaleToSupply(Get(Parameter::kKs), Get(Parameter::kKv), SupplyRatio(battery_mV, OfCells(kCellNominal_mV)),
                   &config->feed_forward);
     config->speed = MakeSpeedScale(static_cast<uint16_t>(Get(Parameter::kCountsPerRev)));

@@ -13,7 +13,7 @@ namespace fw {
 struct WheelConfig {
   PiGains pi;
   FeedForwardGains feed_forward;
-  int16_t ramp_step_mrad_s;
+  RampSteps ramp;
   SpeedScale speed;
   bool left_encoder_reversed, right_encoder_reversed;
 };
@@ -36,7 +36,7 @@ class WheelController {
   /// speed_mrad_s: of the interval just ended. target_mrad_s: within +-17 rad/s.
   void Step(const WheelConfig& config, int16_t target_mrad_s, int16_t speed_mrad_s, WheelSample* sample) {
     const int16_t last = setpoint_mrad_s_;
-    const int16_t next = Ramp(last, target_mrad_s, config.ramp_step_mrad_s);
+    const int16_t next = Ramp(last, target_mrad_s, config.ramp);
     const int16_t wanted = config.feed_forward.kv != 0 ? feed_forward_.predicted() : next;
     const int32_t output = feed_forward_.Step(config.feed_forward, last, next);
     // What overcame friction until now would keep the stopped wheel creeping.

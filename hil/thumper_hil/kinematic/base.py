@@ -7,14 +7,14 @@ import numpy as np
 
 from thumper.common.geometry import Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry
-from thumper.navigation.speed_limits import SpeedLimits, WheelRamp, step_toward
+from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
 from thumper_hil.bench.hardware import robot_params
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.effects.preset import load_preset
 
 TICK_S = 0.02
-BOARD_DELAY_S = 0.02
-"""From a command until the wheels respond."""
+BOARD_DELAY_S = 0.04
+"""From a command until the wheels respond: about half a control tick of 0.1 s."""
 
 DELAY_S = 0.16
 """The same, and the age that a scan has in the full simulator; here scans are new."""
@@ -56,9 +56,8 @@ class KinematicBase:
         delayed = self._queue.popleft()
         turn_m_s = self._ramp.half_track_m * delayed.w_rad_s
         targets = (delayed.v_m_s - turn_m_s, delayed.v_m_s + turn_m_s)
-        change = self._ramp.rim_m_s2 * TICK_S
         self._rims_m_s = [
-            step_toward(rim, to, change) for rim, to in zip(self._rims_m_s, targets, strict=True)
+            self._ramp.step(rim, to, TICK_S) for rim, to in zip(self._rims_m_s, targets, strict=True)
         ]
         left_rad, right_rad = (rim * TICK_S / self._drive.wheel_radius_m for rim in self._rims_m_s)
         left_m, right_m = self._radii_m * (left_rad, right_rad)

@@ -11,7 +11,7 @@ from struct import Struct
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
-SCHEMA_HASH: int = 0x9C863629
+SCHEMA_HASH: int = 0xDE20ECC9
 
 
 class Command(IntEnum):
@@ -619,6 +619,16 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
     ),
     ParameterSpec(
         index=6,
+        name="deceleration",
+        unit="rad/s^2",
+        minimum=0.0,
+        maximum=200.0,
+        default=16.0,
+        scale=100.0,
+        doc="Deceleration limit of the set-point ramp; 0 = as acceleration.",
+    ),
+    ParameterSpec(
+        index=7,
         name="current_limit",
         unit="A",
         minimum=1.0,
@@ -628,7 +638,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="A motor current above this for 0.3 s is a fault. The sensor measures up to 20 A.",
     ),
     ParameterSpec(
-        index=7,
+        index=8,
         name="counts_per_rev",
         unit="count",
         minimum=40.0,
@@ -638,7 +648,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Encoder counts per wheel revolution.",
     ),
     ParameterSpec(
-        index=8,
+        index=9,
         name="wheel_radius",
         unit="mm",
         minimum=10.0,
@@ -648,7 +658,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Wheel radius.",
     ),
     ParameterSpec(
-        index=9,
+        index=10,
         name="track",
         unit="mm",
         minimum=50.0,
@@ -658,7 +668,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Distance between the middle wheels' contact points.",
     ),
     ParameterSpec(
-        index=10,
+        index=11,
         name="left_motor_reversed",
         unit="",
         minimum=0.0,
@@ -668,7 +678,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="1: the left motor runs forward when its pins say reverse.",
     ),
     ParameterSpec(
-        index=11,
+        index=12,
         name="right_motor_reversed",
         unit="",
         minimum=0.0,
@@ -678,7 +688,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="1: the right motor runs forward when its pins say reverse.",
     ),
     ParameterSpec(
-        index=12,
+        index=13,
         name="left_encoder_reversed",
         unit="",
         minimum=0.0,
@@ -688,7 +698,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="1: the left encoder counts down while the wheel rolls forward.",
     ),
     ParameterSpec(
-        index=13,
+        index=14,
         name="right_encoder_reversed",
         unit="",
         minimum=0.0,
@@ -698,7 +708,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="1: the right encoder counts down while the wheel rolls forward.",
     ),
     ParameterSpec(
-        index=14,
+        index=15,
         name="battery_cells",
         unit="",
         minimum=1.0,
@@ -708,7 +718,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Battery cells in series. Above 4.5 V per cell is a fault.",
     ),
     ParameterSpec(
-        index=15,
+        index=16,
         name="battery_stop",
         unit="V",
         minimum=2.5,
@@ -718,7 +728,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Voltage per cell below which the motors stop.",
     ),
     ParameterSpec(
-        index=16,
+        index=17,
         name="battery_rearm",
         unit="V",
         minimum=2.6,
@@ -728,7 +738,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Voltage per cell above which the robot may be armed.",
     ),
     ParameterSpec(
-        index=17,
+        index=18,
         name="current_scale",
         unit="mA",
         minimum=1.0,
@@ -738,7 +748,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Motor current per ADC count.",
     ),
     ParameterSpec(
-        index=18,
+        index=19,
         name="current_zero",
         unit="count",
         minimum=0.0,
@@ -748,7 +758,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="ADC reading of a motor current of zero.",
     ),
     ParameterSpec(
-        index=19,
+        index=20,
         name="stall_current",
         unit="A",
         minimum=0.0,
@@ -758,7 +768,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Current of a side's blocked motors at full PWM; 0 = unknown.",
     ),
     ParameterSpec(
-        index=20,
+        index=21,
         name="pwm_frequency",
         unit="Hz",
         minimum=122.0,
@@ -768,7 +778,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="PWM frequency: 122, 245, 490, 980, 3922 or 31373 (silent); another value is rounded down.",
     ),
     ParameterSpec(
-        index=21,
+        index=22,
         name="input_1",
         unit="",
         minimum=0.0,
@@ -778,7 +788,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Protecting input 1 stops the motors: 0 never, 1 while it is low, 2 while it is high.",
     ),
     ParameterSpec(
-        index=22,
+        index=23,
         name="input_2",
         unit="",
         minimum=0.0,
@@ -788,7 +798,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="As input_1, for input 2.",
     ),
     ParameterSpec(
-        index=23,
+        index=24,
         name="gyroscope",
         unit="",
         minimum=0.0,
@@ -798,7 +808,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="MPU-6050 at A4 and A5: 0 none, 1 its z axis points up, 2 down.",
     ),
     ParameterSpec(
-        index=24,
+        index=25,
         name="currents_at_a4",
         unit="",
         minimum=0.0,
@@ -808,7 +818,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Motor currents: 0 at A6 and A7; 1 at A4 and A5, for an Uno. Then there is no gyroscope.",
     ),
     ParameterSpec(
-        index=25,
+        index=26,
         name="tilt_limit",
         unit="V",
         minimum=-1.5,
@@ -818,7 +828,7 @@ PARAMETERS: tuple[ParameterSpec, ...] = (
         doc="Tilted if the accelerometer's z is less than this above 1.65 V; 0 = never, negative: z down.",
     ),
     ParameterSpec(
-        index=26,
+        index=27,
         name="impact_limit",
         unit="V",
         minimum=0.0,

@@ -25,6 +25,8 @@ class SpeedLimits:
     w_accel_rad_s2: Annotated[float, Interval(gt=0, le=50.0)] = 1.5
     # Acceleration of each wheel [rad/s^2]: the board's parameter `acceleration`.
     wheel_accel_rad_s2: Annotated[float, Gt(0)] = 8.0
+    # Deceleration of each wheel [rad/s^2]: the board's parameter `deceleration`.
+    wheel_decel_rad_s2: Annotated[float, Gt(0)] = 16.0
     # Time from a command until the base responds [s].
     latency_s: Annotated[float, Interval(ge=0, le=2.0)] = 0.2
 
@@ -45,9 +47,10 @@ def step_toward(value: float, target: float, change: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WheelRamp:
-    """Acceleration of the wheels' rims, and their distance from the middle of the robot."""
+    """Acceleration and braking of the wheels' rims, and their distance from the middle of the robot."""
 
-    rim_m_s2: float
+    accel_m_s2: float
+    decel_m_s2: float
     half_track_m: float
 
     @classmethod
@@ -55,18 +58,30 @@ class WheelRamp:
         """Return the ramp of a drive; by default the Wild Thumper's."""
         drive = drive or DriveGeometry()
         return cls(
-            rim_m_s2=limits.wheel_accel_rad_s2 * drive.wheel_radius_m, half_track_m=0.5 * drive.track_m
+            accel_m_s2=limits.wheel_accel_rad_s2 * drive.wheel_radius_m,
+            decel_m_s2=limits.wheel_decel_rad_s2 * drive.wheel_radius_m,
+            half_track_m=0.5 * drive.track_m,
         )
+
+    def step(self, rim_m_s: float, target_m_s: float, elapsed_s: float) -> float:
+        """Return a rim's next speed [m/s], as the firmware's ramp.hpp: a reversal passes through zero."""
+        change_m_s = target_m_s - rim_m_s
+        if abs(change_m_s) <= self.accel_m_s2 * elapsed_s:
+            return target_m_s
+        if change_m_s * rim_m_s >= 0.0:
+            return step_toward(rim_m_s, target_m_s, self.accel_m_s2 * elapsed_s)
+        slowest_m_s = target_m_s if target_m_s * rim_m_s > 0.0 else 0.0
+        return step_toward(rim_m_s, slowest_m_s, self.decel_m_s2 * elapsed_s)
 
     def braking_s(self, twist: Twist2) -> float:
         """Return the time until both sides have stopped [s]."""
-        return (abs(twist.v_m_s) + self.half_track_m * abs(twist.w_rad_s)) / self.rim_m_s2
+        return (abs(twist.v_m_s) + self.half_track_m * abs(twist.w_rad_s)) / self.decel_m_s2
 
     def braked(self, twist: Twist2, times_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return v [m/s] and w [rad/s], shape (n,) each, at times since the zero command [s]."""
         turn_m_s = self.half_track_m * twist.w_rad_s
         left_m_s, right_m_s = (
-            np.sign(rim) * np.maximum(0.0, abs(rim) - self.rim_m_s2 * times_s)
+            np.sign(rim) * np.maximum(0.0, abs(rim) - self.decel_m_s2 * times_s)
             for rim in (twist.v_m_s - turn_m_s, twist.v_m_s + turn_m_s)
         )
         return 0.5 * (left_m_s + right_m_s), 0.5 * (right_m_s - left_m_s) / self.half_track_m

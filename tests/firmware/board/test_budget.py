@@ -30,7 +30,7 @@ from thumper_hil.chip.robot_params import RobotParams
 
 EDGE_VECTORS = (3, 5)  # PCINT0, PCINT2
 EDGE_CYCLES = 75  # entry to RETI, including the response's 4
-TICK_CYCLES = {"5": 1500, "7": 1800}  # by gcc's version: both wheels, ramp, feed-forward and PI
+TICK_CYCLES = {"5": 1700, "7": 1900}  # by gcc's version: both wheels, ramp, feed-forward and PI
 OFF_CYCLES = 150
 TWI_CYCLES = 20  # 18 were measured
 STACK_BYTES = 192  # 151 were measured; 1280 are free
@@ -43,6 +43,7 @@ SLOWEST = {
     "kv": 5049,
     "ka": 730,
     "acceleration": 800,
+    "deceleration": 1600,
     "counts_per_rev": 1911,
     "left_motor_reversed": 1,
     "right_motor_reversed": 0,

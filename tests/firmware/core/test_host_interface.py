@@ -284,8 +284,8 @@ def test_derived_constants_use_live_parameters_and_battery_voltage(core: ctypes.
     host = HostInterface(core, battery_mV=8000)
     host.set("kp", 1234)
     initial = [round(spec.default * spec.scale) for spec in m.PARAMETERS]
-    values = (ctypes.c_int32 * 7)(1234, *initial[1:7])
-    due, given = (ctypes.c_int32 * 8)(), (ctypes.c_int32 * 8)()
+    values = (ctypes.c_int32 * 8)(1234, *initial[1:8])
+    due, given = (ctypes.c_int32 * 9)(), (ctypes.c_int32 * 9)()
     core.derive(values, 8000, due)
     core.host_derive(host.handle, given)
     assert list(given) == list(due)

@@ -21,6 +21,16 @@ def clamp(value: float, limit: float) -> float:
     return max(-limit, min(limit, value))
 
 
+def ramped(last: float, target: float, speed_up: float, slow_down: float) -> float:
+    """Return the set-point after `last`."""
+    change = target - last
+    if speed_up == 0 or abs(change) <= speed_up:
+        return target
+    if last * change >= 0:
+        return last + math.copysign(speed_up, change)
+    return last + clamp((target if target * last > 0 else 0) - last, slow_down)
+
+
 class FloatWheel:
     """The law of docs/explanation/control-law.md in float64, with the constants derived by the firmware."""
 
@@ -34,10 +44,10 @@ class FloatWheel:
         self.setpoint = float(state[3])
 
     def step(self, constants: list[float], target: float, counts: float, rate_Hz: int = 10) -> float:
-        kp, ki, friction, kv, lead, decay, mean, ramp = constants
+        kp, ki, friction, kv, lead, decay, mean, *ramp = constants
         speed = round(clamp(counts * 2 * math.pi * rate_Hz / 1200 * 1000, 32_767))
         last = self.setpoint
-        self.setpoint = target if ramp == 0 else last + clamp(target - last, ramp)
+        self.setpoint = ramped(last, target, *ramp)
         wanted = self.predicted if kv != 0 else self.setpoint
         steady = self.setpoint + lead * (self.setpoint - last)
         away = clamp(self.model - steady, 32_767)
@@ -54,7 +64,7 @@ class FloatWheel:
 
 
 def constants_of(core: ctypes.CDLL, values: ctypes.Array[ctypes.c_int32], battery_mV: int) -> list[float]:
-    raw = (ctypes.c_int32 * 8)()
+    raw = (ctypes.c_int32 * 9)()
     core.derive(values, battery_mV, raw)
     q19 = 2.0**19
     return [
@@ -65,7 +75,7 @@ def constants_of(core: ctypes.CDLL, values: ctypes.Array[ctypes.c_int32], batter
         raw[4] / 256,
         raw[5] / 2**15,
         raw[6] / 2**15,
-        raw[7],
+        *raw[7:],
     ]
 
 
@@ -160,9 +170,9 @@ def test_core_and_reference_drive_equal_wheels_alike(core: ctypes.CDLL) -> None:
 
 def test_model_constants_are_consistent_and_limited_to_thirty_ticks(core: ctypes.CDLL) -> None:
     """b follows from a and tau/T bit for bit. A slower wheel counts as one of 30 ticks."""
-    out = (ctypes.c_int32 * 8)()
+    out = (ctypes.c_int32 * 9)()
     for kv, ka, lead in ((8976, 2693, 768), (300, 8000, 30 * 256)):
-        core.derive((ctypes.c_int32 * 7)(0, 0, 0, kv, ka, 1, 18000), 7400, out)
+        core.derive((ctypes.c_int32 * 8)(0, 0, 0, kv, ka, 1, 0, 18000), 7400, out)
         assert out[4] == pytest.approx(lead, abs=1)
         assert out[6] == (2**15 - out[5]) * out[4] >> 8
     assert out[4] == 30 * 256

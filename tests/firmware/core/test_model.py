@@ -32,7 +32,7 @@ def wire(**values: int) -> ctypes.Array[ctypes.c_int32]:
 
 
 def model(core: ctypes.CDLL, kv: int, ka: int, acceleration: int = 1) -> Model:
-    out = (ctypes.c_int32 * 8)()
+    out = (ctypes.c_int32 * 9)()
     core.derive(wire(kv=kv, ka=ka, acceleration=acceleration), 7400, out)
     return Model(lead=out[4], decay=out[5], mean=out[6])
 
@@ -143,7 +143,7 @@ def test_the_integral_is_dropped_when_the_ramp_arrives_at_zero(core: ctypes.CDLL
 
 
 def test_the_gains_follow_the_battery_rounded_to_nearest(core: ctypes.CDLL) -> None:
-    out = (ctypes.c_int32 * 8)()
+    out = (ctypes.c_int32 * 9)()
     for battery_mV in range(5000, 14_000, 37):
         ratio = core.supply_ratio(battery_mV, 7400) / 4096
         for kv in (1, 2, 3, 8976, 20_001):

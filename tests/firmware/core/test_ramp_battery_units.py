@@ -6,27 +6,46 @@ import math
 from collections.abc import Callable
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from thumper.board.messages import AckStatus, Fault
 
 setpoints = st.integers(-17_000, 17_000)
+limits = st.integers(1, 20_000)
 
 
 @settings(max_examples=200, deadline=None)
-@given(start=setpoints, target=setpoints, step=st.integers(1, 20_000))
+@given(start=setpoints, target=setpoints, acceleration=limits, deceleration=limits)
+@example(start=800, target=0, acceleration=800, deceleration=400)
 def test_ramp_reaches_the_target_no_faster_than_allowed(
-    core: ctypes.CDLL, start: int, target: int, step: int
+    core: ctypes.CDLL, start: int, target: int, acceleration: int, deceleration: int
 ) -> None:
-    after = core.ramp(start, target, step)
-    assert abs(after - start) == min(step, abs(target - start))
+    """At 10 Hz a limit in 0.01 rad/s^2 is the step in mrad/s."""
+    after = core.ramp(start, target, acceleration, deceleration)
+    if abs(target - start) <= acceleration:
+        assert after == target
+    elif start == 0 or (target - start) * start > 0:  # it speeds up
+        assert abs(after - start) == acceleration
+    else:
+        end = target if target * start > 0 else 0  # it brakes to this, and only then reverses
+        assert abs(after - start) == min(deceleration, abs(end - start))
     assert abs(target - after) == abs(target - start) - abs(after - start), "straight to the target"
 
 
-@given(start=setpoints, target=setpoints)
-def test_without_a_limit_the_set_point_jumps(core: ctypes.CDLL, start: int, target: int) -> None:
-    assert core.ramp(start, target, core.ramp_step(0)) == target
+@given(start=setpoints, target=setpoints, acceleration=limits)
+def test_without_a_deceleration_it_brakes_as_it_speeds_up(
+    core: ctypes.CDLL, start: int, target: int, acceleration: int
+) -> None:
+    assert core.ramp(start, target, acceleration, 0) == core.ramp(start, target, acceleration, acceleration)
+
+
+@given(start=setpoints, target=setpoints, deceleration=limits)
+def test_without_an_acceleration_the_set_point_jumps(
+    core: ctypes.CDLL, start: int, target: int, deceleration: int
+) -> None:
+    assert core.ramp_step(0) == 0
+    assert core.ramp(start, target, 0, deceleration) == target
 
 
 @pytest.mark.parametrize("rate_Hz", [10, 50, 100])

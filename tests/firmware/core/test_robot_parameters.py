@@ -7,7 +7,7 @@ import pytest
 from tests.firmware.core.host_interface import HostInterface
 from thumper.board import messages as m
 
-GAINS = ("kp", "ki", "ks", "kv", "ka", "acceleration", "current_limit")
+GAINS = ("kp", "ki", "ks", "kv", "ka", "acceleration", "deceleration", "current_limit")
 ROBOT = [spec for spec in m.PARAMETERS if spec.name not in GAINS]
 """Everything but the gains, which may change while the robot drives."""
 

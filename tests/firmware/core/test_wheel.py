@@ -17,6 +17,7 @@ SCALES = {
     "kv": 524.288,
     "ka": 524.288,
     "acceleration": 100.0,
+    "deceleration": 100.0,
     "current_limit": 1000.0,
 }
 DEFAULTS = {
@@ -26,9 +27,11 @@ DEFAULTS = {
     "kv": 17.12,
     "ka": 1.284,
     "acceleration": 8.0,
+    "deceleration": 16.0,
     "current_limit": 8.0,
 }
-THESIS = {"kp": 15.0, "ki": 0.5, "ks": 0.0, "kv": 0.0, "ka": 0.0, "acceleration": 0.0, "current_limit": 8.0}
+THESIS = {"kp": 15.0, "ki": 0.5, "ks": 0.0, "kv": 0.0, "ka": 0.0, "acceleration": 0.0}
+THESIS |= {"deceleration": 0.0, "current_limit": 8.0}
 
 
 class Wheel:
@@ -67,7 +70,7 @@ def test_tracks_a_trapezoid_at_any_battery_voltage(
     core: ctypes.CDLL, acceleration: float, supply: float
 ) -> None:
     """Set-point minus measured speed of the same interval, 0 -> 8 -> 0 rad/s: std <= 0.08 rad/s, no bias."""
-    wheel = Wheel(core, DEFAULTS | {"acceleration": acceleration}, supply)
+    wheel = Wheel(core, DEFAULTS | {"acceleration": acceleration, "deceleration": 0.0}, supply)
     errors = []
     for tick in range(120):
         speed, setpoint, _ = wheel.step(8.0 if 5 <= tick < 90 else 0.0)
@@ -109,6 +112,17 @@ def test_without_feed_forward_the_controller_is_a_plain_pi(core: ctypes.CDLL) ->
         assert abs(pwm - max(-255.0, min(255.0, kp * error + integral))) <= 0.5
 
 
+@pytest.mark.parametrize("supply", [6.6 / 7.4, 1.0, 8.4 / 7.4])
+def test_brakes_twice_as_fast_as_it_speeds_up(core: ctypes.CDLL, supply: float) -> None:
+    """From 8 rad/s at 16 rad/s^2: 2 rad of braking and what the command waits, not 4 as at 8 rad/s^2."""
+    wheel = Wheel(core, DEFAULTS, supply)
+    for _ in range(40):
+        wheel.step(8.0)
+    stopping = [wheel.step(0.0)[0] for _ in range(10)]
+    assert 2.0 < 0.1 * sum(stopping) < 2.6
+    assert min(stopping) >= -0.2, "it does not swing back"
+
+
 def test_stops_and_stays_stopped(core: ctypes.CDLL) -> None:
     wheel = Wheel(core, DEFAULTS)
     for _ in range(30):
@@ -123,8 +137,10 @@ def test_prediction_constants_match_the_exponential(
     core_at_rate: Callable[[int], ctypes.CDLL], rate_Hz: int, tau_s: float
 ) -> None:
     """a = exp(-T/tau), b = (1-a) tau/T (feedforward.hpp)."""
-    out = (ctypes.c_int32 * 8)()
-    values = (ctypes.c_int32 * 7)(0, 0, 0, round(17.12 * 524.288), round(17.12 * tau_s * 524.288), 800, 18000)
+    out = (ctypes.c_int32 * 9)()
+    values = (ctypes.c_int32 * 8)(
+        0, 0, 0, round(17.12 * 524.288), round(17.12 * tau_s * 524.288), 800, 0, 18000
+    )
     core_at_rate(rate_Hz).derive(values, 7400, out)
     x = 1 / (rate_Hz * tau_s)
     a = math.exp(-x)

@@ -31,13 +31,13 @@ int New(Args... args) {
 using Decoder = fw::FrameDecoder<60>;
 using Quadrature = fw::QuadratureDecoder<0x03>;
 
-/// out: kp, ki, friction, kv, lead, decay, mean, ramp step.
+/// out: kp, ki, friction, kv, lead, decay, mean, ramp steps.
 void Derive(const fw::Parameters& parameters, uint16_t battery_mV, int32_t* out) {
   static fw::WheelConfig config;  // as on the chip, the last constants are still in it
   parameters.Derive(battery_mV, &config);
   const auto& f = config.feed_forward;
-  const int32_t all[] = {config.pi.kp, config.pi.ki, f.friction, f.kv,
-                         f.lead,       f.decay,      f.mean,     config.ramp_step_mrad_s};
+  const int32_t all[] = {config.pi.kp, config.pi.ki, f.friction, f.kv,          f.lead,
+                         f.decay,      f.mean,       config.ramp.speed_up, config.ramp.slow_down};
   std::memcpy(out, all, sizeof(all));
 }
 
@@ -119,8 +119,9 @@ int supply_ratio(int battery_mV, int nominal_mV) {
   return fw::SupplyRatio(static_cast<uint16_t>(battery_mV), static_cast<uint16_t>(nominal_mV));
 }
 int ramp_step(int acceleration) { return fw::RampStep(acceleration); }
-int ramp(int setpoint, int target, int step) {
-  return fw::Ramp(static_cast<int16_t>(setpoint), static_cast<int16_t>(target), static_cast<int16_t>(step));
+int ramp(int setpoint, int target, int acceleration, int deceleration) {
+  return fw::Ramp(static_cast<int16_t>(setpoint), static_cast<int16_t>(target),
+                  fw::MakeRampSteps(static_cast<int16_t>(acceleration), static_cast<int16_t>(deceleration)));
 }
 
 int quadrature_new(int ab) {

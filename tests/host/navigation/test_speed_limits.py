@@ -13,6 +13,7 @@ from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
 
 LIMITS, DRIVE = SpeedLimits(), DriveGeometry()
 RAMP = WheelRamp.from_drive(LIMITS)
+SLOW = WheelRamp(accel_m_s2=0.496, decel_m_s2=0.496, half_track_m=RAMP.half_track_m)  # 8 rad/s^2
 BEND = Twist2(v_m_s=0.4, w_rad_s=1.2)
 PERIOD_S = 0.1
 
@@ -20,10 +21,10 @@ PERIOD_S = 0.1
 def test_inner_wheel_stops_first_and_the_robot_swings_round_it() -> None:
     """w holds until the inner side has stopped, then fades: 1.2 t1 + 1.2^2 / (2 rate) = 0.97 rad."""
     step_s = 1e-3
-    times_s = np.arange(0.0, RAMP.braking_s(BEND), step_s) + 0.5 * step_s
-    _, w_rad_s = RAMP.braked(BEND, times_s)
-    inner_s = (BEND.v_m_s - RAMP.half_track_m * BEND.w_rad_s) / RAMP.rim_m_s2
-    rate = RAMP.rim_m_s2 / DRIVE.track_m
+    times_s = np.arange(0.0, SLOW.braking_s(BEND), step_s) + 0.5 * step_s
+    _, w_rad_s = SLOW.braked(BEND, times_s)
+    inner_s = (BEND.v_m_s - SLOW.half_track_m * BEND.w_rad_s) / SLOW.decel_m_s2
+    rate = SLOW.decel_m_s2 / DRIVE.track_m
     turn_rad = BEND.w_rad_s * inner_s + BEND.w_rad_s**2 / (2.0 * rate)
     assert turn_rad == pytest.approx(0.968, abs=1e-3)
     assert w_rad_s.sum() * step_s == pytest.approx(turn_rad, abs=2e-3)
@@ -41,15 +42,35 @@ def test_braking_is_symmetric(twist: Twist2) -> None:
     assert (v_m_s[-1], w_rad_s[-1]) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize(
+    ("rim_m_s", "target_m_s", "next_m_s"),
+    [
+        (0.0, 0.4, 0.05),
+        (0.2, 0.4, 0.25),
+        (0.4, 0.0, 0.25),
+        (0.1, 0.0, 0.0),
+        (0.1, 0.2, 0.15),
+        (-0.4, -0.3, -0.3),
+        (-0.4, -0.35, -0.35),
+        (0.3, -0.3, 0.15),
+        (0.1, -0.3, 0.0),
+        (0.02, -0.02, -0.02),
+    ],
+)
+def test_a_rim_follows_the_ramp_of_the_board(rim_m_s: float, target_m_s: float, next_m_s: float) -> None:
+    ramp = WheelRamp(accel_m_s2=0.5, decel_m_s2=1.5, half_track_m=0.1)
+    assert ramp.step(rim_m_s, target_m_s, 0.1) == pytest.approx(next_m_s)
+
+
 def test_monitor_includes_the_swing_while_braking() -> None:
     """It detects all points inside the real stopping motion; fading v and w alone misses some."""
     limits = SpeedLimits(latency_s=0.0)
-    seeing = CollisionMonitor(CollisionMonitorOptions(), limits, Footprint(), RAMP)
+    seeing = CollisionMonitor(CollisionMonitorOptions(), limits, Footprint(), SLOW)
     stiff = CollisionMonitor(
         CollisionMonitorOptions(),
         limits,
         Footprint(),
-        WheelRamp(rim_m_s2=50.0, half_track_m=RAMP.half_track_m),
+        WheelRamp(accel_m_s2=50.0, decel_m_s2=50.0, half_track_m=SLOW.half_track_m),
     )
     outline_m = Footprint().grown(-0.002).outline_m(0.02)
     missed = 0
@@ -65,8 +86,8 @@ def test_monitor_includes_the_swing_while_braking() -> None:
 def real_stop() -> list[Pose2]:
     """Return a pose every 0.1 s of one period of the bend and of the wheels' ramps after it."""
     pose, step_s, poses = Pose2(), 1e-3, []
-    for tick in range(math.ceil((PERIOD_S + RAMP.braking_s(BEND)) / step_s)):
-        v, w = RAMP.braked(BEND, np.array([max(0.0, (tick + 0.5) * step_s - PERIOD_S)]))
+    for tick in range(math.ceil((PERIOD_S + SLOW.braking_s(BEND)) / step_s)):
+        v, w = SLOW.braked(BEND, np.array([max(0.0, (tick + 0.5) * step_s - PERIOD_S)]))
         pose = pose @ Pose2(x_m=float(v[0]) * step_s, theta_rad=float(w[0]) * step_s)
         if tick % 100 == 99:
             poses.append(pose)

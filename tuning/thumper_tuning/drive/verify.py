@@ -84,12 +84,14 @@ def verify(
     """Set the gains, drive the trapezoids, and write a CSV, also if the drive is interrupted.
 
     Nothing is written if the board refuses to start: an earlier file of that name stays. The board keeps
-    the gains. At the end its acceleration is `gains.acceleration` again.
+    the gains. At the end its acceleration and its deceleration are as before.
     """
     rows: list[Row] = []
     drive = _TrapezoidDrive(board, options, rows, report_progress)
+    deceleration = board.get_parameter("deceleration")
     try:
         wait_until_stopped(board)
+        board.set_parameter("deceleration", 0.0)  # as the acceleration
         for acceleration in options.accelerations_rad_s2:
             write_gains(board, replace(gains, acceleration=acceleration))
             with armed(board):
@@ -98,6 +100,7 @@ def verify(
     finally:
         with suppress(ThumperError):  # a disconnected board has lost the gains anyway
             board.set_parameter("acceleration", gains.acceleration)
+            board.set_parameter("deceleration", deceleration)
         if rows:
             _write_csv(path, rows)
     data = np.array(rows)

@@ -73,15 +73,15 @@ def test_position_error_adds_to_the_margin() -> None:
     assert MONITOR.stop_reason(turning, Twist2(), beside, np.array((0.02,)), 0.1)
 
 
-def test_creeping_ends_at_half_the_margin_plus_the_position_error() -> None:
-    """Many cycles, each from standstill; a point with an error of 2 cm stays 3 cm away."""
+def test_creeping_ends_after_a_quarter_of_the_margin() -> None:
+    """Many cycles, each from standstill; a point with an error of 2 cm stays 3.5 cm away."""
     for error_m in (0.0, 0.02):
         gap_m = MARGIN_M + error_m - 0.001
         for _ in range(100):
             point, error = at(FRONT_M + gap_m, 0.0), np.array((error_m,))
             if not MONITOR.stop_reason(Twist2(v_m_s=0.01), Twist2(), point, error, 0.1):
                 gap_m -= 0.002
-        assert gap_m == pytest.approx(error_m + 0.5 * MARGIN_M, abs=0.004)
+        assert gap_m == pytest.approx(error_m + 0.75 * MARGIN_M, abs=0.004)
 
 
 def test_touching_robot_may_leave_but_not_press_on() -> None:
@@ -125,7 +125,7 @@ def test_creeping_never_adds_up_to_a_contact() -> None:
                 moved_m = step_m
                 break
         gap_m -= moved_m
-    assert gap_m > 0.007
+    assert gap_m > 0.012
 
 
 def test_noise_at_standstill_never_adds_up_to_a_contact() -> None:
@@ -216,7 +216,7 @@ def test_deepening_point_is_the_first_that_the_motion_brings_inside(seed: int) -
         assert deepening_point(points_m, margins_m, creep_m, half_planes, poses, shifts_m) == expected
         found.add(expected)
     assert {-1, 0, 1} <= found
-    assert (DEEPER_M, CREEP_FRACTION) == (0.003, 0.5)
+    assert (DEEPER_M, CREEP_FRACTION) == (0.003, 0.25)
 
 
 def test_reach_of_the_check_includes_the_largest_error() -> None:
@@ -245,7 +245,7 @@ def reference_poses(
     slowest_s = max(
         abs(command.v_m_s) / limits.v_accel_m_s2,
         abs(command.w_rad_s) / limits.w_accel_rad_s2,
-        (abs(command.v_m_s) + abs(turn_m_s)) / ramp.rim_m_s2,
+        (abs(command.v_m_s) + abs(turn_m_s)) / ramp.decel_m_s2,
     )
     steps = math.ceil((limits.latency_s + period_s + slowest_s) / STEP_S - 1e-9)
     for k in range(steps):
@@ -256,7 +256,7 @@ def reference_poses(
             w = command.w_rad_s
         if fading_s > 0.0:
             sides = [
-                math.copysign(max(0.0, abs(rim) - ramp.rim_m_s2 * fading_s), rim)
+                math.copysign(max(0.0, abs(rim) - ramp.decel_m_s2 * fading_s), rim)
                 for rim in (command.v_m_s - turn_m_s, command.v_m_s + turn_m_s)
             ]
             v = _slower(command.v_m_s, limits.v_accel_m_s2 * fading_s, 0.5 * (sides[0] + sides[1]))
