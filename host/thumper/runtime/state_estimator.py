@@ -21,6 +21,7 @@ from thumper.gps.pose_check import GpsCheck
 from thumper.imu.options import ImuOptions
 from thumper.imu.sample import ImuSample
 from thumper.lidar.deskew import scan_points
+from thumper.lidar.floor_echoes import FloorEchoFilter
 from thumper.lidar.scan import Scan
 from thumper.lidar.scan_checks import ScanChecker, ScanDefect
 from thumper.lidar.self_returns import SelfReturnFilter
@@ -96,6 +97,7 @@ class StateEstimator:
         self.fix: Fix | None = None  # the newest, with or without a position
         self._gps_check = GpsCheck()
         self._jump_filter = JumpFilter()
+        self._floor_echoes = FloorEchoFilter()
         self._slip_detector = SlipDetector()
         self.mount_check = MountCheck(base_from_laser)
         self._pose_buffer = PoseBuffer()
@@ -132,6 +134,7 @@ class StateEstimator:
         has_jumped = self._jump_filter.jumps != jumps
         self._newest = replace(filtered, twist=Twist2()) if has_jumped else filtered
         self._pose_buffer.add(self._newest)
+        self._floor_echoes.add_speed(time_s, self._newest.twist.v_m_s)
         if self.earth is not None:
             self.earth.filter.predict(self._newest.odom_from_base, float(self._newest.covariance[2, 2]))
         self._map_covered_scans()
@@ -289,7 +292,7 @@ class StateEstimator:
                 return
             self._waiting.popleft()
             if self._pose_buffer.covers(scan.time_s):
-                self._map(scan, revolution_s)
+                self._map(self._floor_echoes.filter(scan), revolution_s)
             else:  # taken before the first telemetry
                 self.scan_checker.count(ScanDefect.NO_ODOMETRY)
 
