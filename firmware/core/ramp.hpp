@@ -19,9 +19,7 @@ constexpr int16_t RampStep(int16_t acceleration_10mrad_s2) {
 struct RampSteps {
   int16_t speed_up, slow_down;
 
-  constexpr int16_t Largest() const {
-    return speed_up != 0 && slow_down > speed_up ? slow_down : speed_up;
-  }
+  constexpr int16_t Largest() const { return speed_up != 0 && slow_down > speed_up ? slow_down : speed_up; }
 };
 
 /// Make the steps of two limits [0.01 rad/s^2]; deceleration 0 = as acceleration.
@@ -31,7 +29,8 @@ constexpr RampSteps MakeRampSteps(int16_t acceleration, int16_t deceleration) {
 
 /// Return the next set-point: towards `target` by at most one step. A reversal in more than one step passes
 /// through zero. Inlined, it would take the control tick's registers.
-__attribute__((noinline)) inline int16_t Ramp(int16_t setpoint_mrad_s, int16_t target_mrad_s, RampSteps steps) {
+__attribute__((noinline)) inline int16_t Ramp(int16_t setpoint_mrad_s, int16_t target_mrad_s,
+                                              RampSteps steps) {
   uint16_t step = uint16_t(steps.speed_up);
   if (step == 0) return target_mrad_s;
   const bool up = target_mrad_s > setpoint_mrad_s;

@@ -21,6 +21,7 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.parts import ActiveGoal, NavigatorParts
 from thumper.navigation.planners.goal_validation import validate_goal
+from thumper.navigation.safety.command_filter import FilteredCommand
 from thumper.navigation.state import (
     CycleInput,
     NavigationOutput,
@@ -350,7 +351,7 @@ class Navigator:
         follows &= not self._parts.follower.goal_manoeuvre.active  # it plans again, from where it is
         filtered = self._parts.command_filter.filter(result, request, allow_escape=follows)
         if filtered.command is None:
-            return self._rejected(time_s, active, filtered.reason, result, request)
+            return self._rejected(time_s, active, filtered, result, request)
         active.recovery.on_motion()
         if filtered.escaping:
             self._reason = filtered.reason
@@ -366,9 +367,15 @@ class Navigator:
         return self._output(filtered.command, request, result.trajectory)
 
     def _rejected(
-        self, time_s: float, active: ActiveGoal, reason: str, result: ControlResult, request: ControlRequest
+        self,
+        time_s: float,
+        active: ActiveGoal,
+        filtered: FilteredCommand,
+        result: ControlResult,
+        request: ControlRequest,
     ) -> NavigationOutput:
         """Stop; after a while start a recovery."""
+        reason = filtered.reason
         if active.recovery.on_rejected(time_s, request):
             started = self._start_recovery(time_s, active, request, reason)
             if isinstance(started, Stop):
@@ -377,7 +384,7 @@ class Navigator:
         elif self._state is NavigationState.RECOVERING:
             reason = f"{active.recovery.current}; {reason}"
         self._reason = reason
-        return self._output(Twist2(), request, result.trajectory)
+        return self._output(filtered.slowing or Twist2(), request, result.trajectory)
 
     def _output(
         self, command: Twist2, request: ControlRequest, trajectory: FloatArray | None = None

@@ -36,8 +36,8 @@ void Derive(const fw::Parameters& parameters, uint16_t battery_mV, int32_t* out)
   static fw::WheelConfig config;  // as on the chip, the last constants are still in it
   parameters.Derive(battery_mV, &config);
   const auto& f = config.feed_forward;
-  const int32_t all[] = {config.pi.kp, config.pi.ki, f.friction, f.kv,          f.lead,
-                         f.decay,      f.mean,       config.ramp.speed_up, config.ramp.slow_down};
+  const int32_t all[] = {config.pi.kp, config.pi.ki,         f.friction,           f.kv, f.lead, f.decay,
+                         f.mean,       config.ramp.speed_up, config.ramp.slow_down};
   std::memcpy(out, all, sizeof(all));
 }
 

@@ -24,7 +24,7 @@ def ranges_at(time_s: float, braking_m_s2: float) -> list[float]:
         angle_min_rad=-math.pi / 2,
         angle_increment_rad=math.pi / 5,
     )
-    return floor_echoes.filter(scan).ranges_m.tolist()
+    return list(floor_echoes.filter(scan).ranges_m)
 
 
 @pytest.mark.parametrize("braking_m_s2", [1.5, -1.5])

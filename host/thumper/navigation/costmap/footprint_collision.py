@@ -101,6 +101,28 @@ def lethal_count(grid: CollisionGrid, unknown_blocks: bool, x: float, y: float, 
     return count
 
 
+@kernel
+def is_free(grid: CollisionGrid, x: float, y: float, theta_rad: float) -> bool:
+    """Return whether `lethal_count` is 0 where unknown ground does not block."""
+    costs, outline, resolution = grid.costs, grid.outline, grid.resolution
+    rows, cols = costs.shape
+    col = math.floor((x - grid.origin[0]) / resolution)
+    row = math.floor((y - grid.origin[1]) / resolution)
+    if row < 0 or col < 0 or row >= rows or col >= cols:
+        return False
+    if grid.squared_cells[row, col] > grid.safe_squared:
+        return True
+    cos, sin = math.cos(theta_rad), math.sin(theta_rad)
+    for i in range(outline.shape[0]):
+        px = x + cos * outline[i, 0] - sin * outline[i, 1]
+        py = y + sin * outline[i, 0] + cos * outline[i, 1]
+        col = math.floor((px - grid.origin[0]) / resolution)
+        row = math.floor((py - grid.origin[1]) / resolution)
+        if row < 0 or col < 0 or row >= rows or col >= cols or costs[row, col] == LETHAL:
+            return False
+    return True
+
+
 def safe_squared_cells(circumscribed_m: float, resolution_m: float) -> float:
     """Return the squared distance [cells^2] beyond which no outline point is on an obstacle cell.
 

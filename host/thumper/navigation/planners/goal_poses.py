@@ -8,7 +8,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.navigation.costmap.costmap import Costmap
-from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
+from thumper.navigation.costmap.footprint_collision import CollisionGrid, is_free
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.lattice_search import TURN_RAD
@@ -36,8 +36,8 @@ def fitting(grid: CollisionGrid, poses: FloatArray, spare: CollisionGrid) -> Flo
     fits = np.zeros(poses.shape[0])
     for i in range(poses.shape[0]):
         x, y, theta = poses[i]
-        if lethal_count(grid, False, x, y, theta) == 0:
-            fits[i] = 2.0 if lethal_count(spare, False, x, y, theta) == 0 else 1.0
+        if is_free(grid, x, y, theta):
+            fits[i] = 2.0 if is_free(spare, x, y, theta) else 1.0
     return fits
 
 

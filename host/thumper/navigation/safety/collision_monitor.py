@@ -22,7 +22,7 @@ STEP_S = 0.05  # of the simulated motion
 # only through a fraction of the least margin. Each cycle starts again, so any slack without that limit would
 # add up to a contact.
 DEEPER_M = 0.003
-CREEP_FRACTION = 0.5
+CREEP_FRACTION = 0.25
 ROUNDING_M = 1e-9
 UNSEEN = "ground that the lidar has never seen"
 NOISE_M_S, NOISE_RAD_S = 0.03, 0.06  # a slower measured twist may be noise

@@ -44,6 +44,7 @@ class FilteredCommand:
     reason: str = ""  # why it was rejected or changed
     yielding: bool = False  # to let a dynamic obstacle pass: another motion, or zero
     escaping: bool = False  # another motion, because the wanted one was rejected
+    slowing: Twist2 | None = None  # instead of a rejected command; None: zero at once
 
 
 class CommandFilter:
@@ -125,7 +126,7 @@ class CommandFilter:
             stop = self._waiting_reason(command, request, self._heeded(gives_way=gives_way))
             self._waiting.count(request.period_s, waits=stop is not None)
             if stop is not None:
-                return FilteredCommand(command=Twist2(), reason=stop, yielding=True)
+                return FilteredCommand(command=self._slowing(request) or Twist2(), reason=stop, yielding=True)
             command, stop = self._monitored(command, request, points_m)
             if stop is None:
                 return FilteredCommand(command=command)
@@ -133,7 +134,15 @@ class CommandFilter:
         escape = self._escape_command(request) if allow_escape else None
         if escape is not None:
             return FilteredCommand(command=escape, reason=f"escaping: {reason}", escaping=True)
-        return FilteredCommand(command=None, reason=reason)
+        return FilteredCommand(command=None, slowing=self._slowing(request), reason=reason)
+
+    def _slowing(self, request: ControlRequest) -> Twist2 | None:
+        """Return the last command, slowed down as in a normal drive; None if that would touch something.
+
+        The board brakes harder. That tilts the base, and the lidar with it, so far ahead it sees the floor.
+        """
+        command, stop = self._monitored(Twist2(), request, NO_OBSTACLES.points_m)
+        return command if stop is None else None
 
     def _waiting_reason(
         self, command: Twist2, request: ControlRequest, moving: list[MovingObject]
@@ -145,11 +154,13 @@ class CommandFilter:
         self, wanted: Twist2, request: ControlRequest, slowing_m: FloatArray
     ) -> tuple[Twist2, str | None]:
         """Return the command, smoothed, and slowed before these points, and why it must not be driven."""
-        command = smooth_velocity(wanted, request.last_command, self._limits, request.period_s)
-        command = self._monitor.slow_down(command, slowing_m)
+        last, period_s = request.last_command, request.period_s
+        command = smooth_velocity(wanted, last, self._limits, period_s)
+        slowed = self._monitor.slow_down(command, slowing_m)
+        command = smooth_velocity(slowed, last, self._limits, period_s)
         points_m, error_m, seen = self._obstacles
         return command, self._monitor.stop_reason(
-            command, request.twist, points_m, error_m, request.period_s, seen=seen
+            command, request.twist, points_m, error_m, period_s, seen=seen
         )
 
     def _heeded(self, *, gives_way: bool) -> list[MovingObject]:
@@ -185,7 +196,10 @@ class CommandFilter:
             return command if stop is None else None
 
         command = self._give_way.best_command(request, discs, allowed)
-        what = "waiting for" if command == Twist2() else "giving way to"
+        waits = command == Twist2()
+        if waits:
+            command = self._slowing(request) or command
+        what = "waiting for" if waits else "giving way to"
         speed_m_s = max(track.speed_m_s for track in self._tracks.moving())
         reason = f"{what} a dynamic obstacle that moves at {speed_m_s:.1f} m/s"
         return FilteredCommand(command=command, reason=reason, yielding=True)

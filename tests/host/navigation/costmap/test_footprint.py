@@ -10,7 +10,12 @@ from hypothesis import strategies as st
 
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.maps.distance_transform import squared_distances
-from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count, safe_squared_cells
+from thumper.navigation.costmap.footprint_collision import (
+    CollisionGrid,
+    is_free,
+    lethal_count,
+    safe_squared_cells,
+)
 from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
 from thumper_hil.kinematic.maps import ROS_FOOTPRINT, read_pgm
@@ -64,7 +69,9 @@ def count_at(costs: np.typing.NDArray[np.uint8], pose: Pose2, outline_m: FloatAr
         outline=outline_m,
         safe_squared=safe,
     )
-    return lethal_count(grid, False, pose.x_m, pose.y_m, pose.theta_rad)
+    count = lethal_count(grid, False, pose.x_m, pose.y_m, pose.theta_rad)
+    assert is_free(grid, pose.x_m, pose.y_m, pose.theta_rad) is (count == 0)
+    return count
 
 
 @settings(max_examples=60, deadline=None)

@@ -73,11 +73,14 @@ class Filter:
         *,
         allow_escape: bool = True,
         last: Twist2 = SLOW,
+        twist: Twist2 | None = None,
         seen: int | None = None,
     ) -> FilteredCommand:
         count = len(points_m)
         self.filter._obstacles = ObstaclePoints(points_m, np.zeros(count), count if seen is None else seen)
         asked = replace(request(points_m), last_command=last)
+        if twist is not None:
+            asked = replace(asked, twist=twist)
         result = ControlResult(command=wanted, reason="" if wanted else "no room")
         return self.filter.filter(result, asked, allow_escape=allow_escape)
 
@@ -151,8 +154,9 @@ def test_robot_gives_way_backward_only_if_it_sees_behind(opening_rad: float) -> 
     checked = Filter(view=FieldOfView(opening_rad=opening_rad))
     checked.gives_way()
     vars(checked.filter._give_way)["best_command"] = backs_off
-    command = checked.run(SLOW, last=back).command
-    assert command == (back if opening_rad == math.tau else Twist2())
+    command = checked.run(SLOW, last=Twist2(v_m_s=-0.06)).command
+    assert command is not None
+    assert command.v_m_s == pytest.approx(-0.1 if opening_rad == math.tau else -0.02)
 
 
 @pytest.mark.parametrize("allow_escape", [True, False])
@@ -215,7 +219,33 @@ def test_unseen_ground_is_named() -> None:
 
 
 def test_controller_without_a_command_keeps_its_reason() -> None:
-    assert Filter().run(None, allow_escape=False) == FilteredCommand(command=None, reason="no room")
+    rejected = FilteredCommand(command=None, reason="no room", slowing=Twist2())
+    assert Filter().run(None, allow_escape=False) == rejected
+
+
+@pytest.mark.parametrize(("obstacle_x_m", "v_m_s"), [(1.0, 0.36), (0.55, 0.36), (0.45, 0.0)])
+def test_robot_brakes_hard_only_if_it_must(obstacle_x_m: float, v_m_s: float) -> None:
+    """The front is at 0.21 m. A normal stop from 0.4 m/s takes 0.28 m, and the margin 0.02 m."""
+    fast = Twist2(v_m_s=0.4)
+    points_m = np.array(((obstacle_x_m, 0.0),))
+    rejected = Filter().run(None, points_m, allow_escape=False, last=fast, twist=fast)
+    assert rejected.command is None
+    assert (rejected.slowing or Twist2()).v_m_s == pytest.approx(v_m_s)
+    waits = Filter()
+    waits.yields_to = [fast]
+    waits.sees_person(untracked=True)
+    waiting = waits.run(fast, points_m, allow_escape=False, last=fast, twist=fast)
+    assert waiting.yielding
+    assert waiting.command is not None
+    assert waiting.command.v_m_s == pytest.approx(v_m_s)
+
+
+def test_slowing_down_before_an_obstacle_is_no_hard_braking() -> None:
+    """The slow zone may ask for 40 %; the command falls by 0.4 m/s^2."""
+    fast = Twist2(v_m_s=0.4)
+    slowed = Filter().run(fast, np.array(((0.52, 0.0),)), last=fast, twist=Twist2(v_m_s=0.1)).command
+    assert slowed is not None
+    assert slowed.v_m_s == pytest.approx(0.36)
 
 
 def test_no_escape_toward_a_dynamic_obstacle() -> None:
