@@ -46,6 +46,12 @@ OVER_CURRENT = (
     "current_monitor_.Step(left_mA, right_mA, limit_mA);",
 )
 HAZARDS: dict[str, Removal] = {
+    "somebody steps close before the moving robot": Removal(
+        "core/ramp.hpp",
+        "    step = uint16_t(steps.slow_down);\n",
+        "",
+        "test_it_stops_in_less_way_than_it_speeds_up",
+    ),
     "the robot runs into something that no sensor saw": Removal(
         MAIN, "host.UpdateInputs(pins::ReadInputs());", "", "test_a_switch_stops_the_motors_within_a_tick"
     ),
