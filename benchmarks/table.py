@@ -48,7 +48,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "scaling": ("--check",),
     "large_map": ("",),
     "navigation_barn": ("--presets nominal hard --scales 0.61 0.55",),
-    "navigation_people": ("--scenes 10",),
+    "navigation_people": ("--presets nominal hard --scenes 10 --first 6000",),
     "navigation_walls": ("--rooms 30", "--rooms 30 --preset hard"),
     "navigation_time": ("--houses 12 --missions 6",),
     "exploration": ("--houses 10",),
