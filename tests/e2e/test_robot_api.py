@@ -226,6 +226,8 @@ def test_each_result_has_the_time_and_length_of_its_drive() -> None:
         (lambda robot: robot.turn(), "turn: pass an angle"),
         (lambda robot: robot.turn(rad=1.0, deg=90), "rad or deg, not both"),
         (lambda robot: robot.goto(0.5, 0.0, 90), "Pass heading_deg=90 or heading_rad=90"),
+        (lambda robot: robot.goto(0.5, 0.0, heading_rad=90), r"write math\.radians\(90\)"),
+        (lambda robot: robot.show(), "not a notebook"),
         (lambda robot: robot.goto(0.5, 0.0, heading_rad=1.0, heading_deg=90), "not both"),
         (lambda robot: robot.patrol([]), "at least one place"),
         (lambda robot: robot.patrol(cast("Any", [1.0, 2.0])), "a list of places"),

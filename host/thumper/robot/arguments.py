@@ -72,6 +72,17 @@ def angle_rad(
     return None if rad is None else number(call, rad)
 
 
+def heading(call: str, rad: float) -> float:
+    """Return a heading of up to a turn."""
+    result = number(call, rad)
+    if abs(result) > math.tau:  # few scripts mean more than a turn, but many mean degrees
+        raise ThumperError(
+            f"{call}: a heading of {result:g} rad is more than a turn; write math.radians({result:g})",
+            exit_code=EXIT_USAGE,
+        )
+    return result
+
+
 def places(call: str, values: object) -> tuple[tuple[float, ...], ...]:
     """Return places (x_m, y_m) or (x_m, y_m, heading_rad)."""
     try:
@@ -92,13 +103,7 @@ def places(call: str, values: object) -> tuple[tuple[float, ...], ...]:
 def _place(call: str, x_m: float, y_m: float, *heading_rad: float) -> tuple[float, ...]:
     if len(heading_rad) > 1:
         raise TypeError
-    for rad in heading_rad:
-        if abs(number(call, rad)) > math.tau:  # few scripts mean more than a turn, but many mean degrees
-            raise ThumperError(
-                f"{call}: a heading of {rad:g} rad is more than a turn; write math.radians({rad:g})",
-                exit_code=EXIT_USAGE,
-            )
-    return number(call, x_m), number(call, y_m), *(number(call, rad) for rad in heading_rad)
+    return number(call, x_m), number(call, y_m), *(heading(call, rad) for rad in heading_rad)
 
 
 def file_path(name: str, value: str | Path) -> Path:

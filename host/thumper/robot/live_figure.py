@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from IPython.core.getipython import get_ipython
 from IPython.display import DisplayHandle, Image, display
 
 from thumper.robot.figure import RobotFigure
@@ -40,6 +41,11 @@ class LiveFigure:
 
     def _draw(self, draw: Draw) -> None:
         self._handle.update(_png(draw))
+
+
+def in_notebook() -> bool:
+    """Return whether this process is a notebook's kernel, which can show pictures."""
+    return hasattr(get_ipython(), "kernel")
 
 
 def _png(draw: Draw) -> Image:

@@ -258,6 +258,8 @@ class Robot:
         """
         numbers = {"x_m": x_m, "y_m": y_m, "tolerance_m": tolerance_m}
         numbers = {name: arguments.number("goto", value) for name, value in numbers.items()}
+        if heading_rad is not None:
+            heading_rad = arguments.heading("goto", heading_rad)
         yaw_rad = arguments.angle_rad("goto", without_unit, heading_rad, heading_deg, "heading_")
         if yaw_rad is not None:
             numbers["yaw_rad"] = yaw_rad
@@ -410,11 +412,16 @@ class Robot:
         Raises
         ------
         ThumperError
-            IPython is missing; the message names the package.
+            IPython is missing; the message names the package. Or this is not a notebook.
         """
         require_extra("notebooks")
-        from thumper.robot.live_figure import LiveFigure
+        from thumper.robot.live_figure import LiveFigure, in_notebook
 
+        if not in_notebook():
+            raise ThumperError(
+                'show: this is not a notebook; save the picture with robot.plot().savefig("map.png")',
+                exit_code=EXIT_USAGE,
+            )
         self._catch_up()
         self._live_figure = live = LiveFigure(self._snapshot)
         self._loop.after_cycle[:] = [live.refresh]
