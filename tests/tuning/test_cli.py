@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from rich.console import Console
 
 from tests.loaded_modules import help_of, printed_and_loaded
 from thumper_tuning.cli.steps import ConsoleProgress
-from thumper_tuning.cli.tune import report
+from thumper_tuning.cli.tune import Rule, report
+from thumper_tuning.design.gains import RULE_NAMES
 
 THUMPER = Path(sys.executable).with_name("thumper")
 
@@ -70,3 +72,16 @@ def test_the_board_may_have_another_baud_rate(tmp_path: Path, command: str) -> N
     done = subprocess.run([THUMPER, *command.split(), *options], capture_output=True, text=True, check=False)
     assert done.returncode == 3
     assert "the data at 250000 baud is not the Thumper protocol" in done.stderr
+
+
+@pytest.mark.parametrize("command", ["tune", "tune record", "experiment speed", "experiment odometry"])
+def test_without_a_board_no_folder_stays(tmp_path: Path, command: str) -> None:
+    options = ["--board", "/dev/ttyNONE9", "--out", str(tmp_path / "out/run"), "--yes"]
+    done = subprocess.run([THUMPER, *command.split(), *options], capture_output=True, text=True, check=False)
+    assert done.returncode == 3
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_help_names_all_rules() -> None:
+    *names, last = RULE_NAMES
+    assert get_args(Rule)[1].help == f"{', '.join(names)} or {last}."

@@ -73,3 +73,5 @@ def test_a_missing_file_and_an_unknown_rule_are_rejected(tmp_path: Path) -> None
         load_settings(tmp_path / "none.toml")
     with pytest.raises(ThumperError, match=r"--rule = 'magic': unknown rule; choose from: migo"):
         TuneOptions().override(rule="magic")
+    with pytest.raises(ThumperError, match=r"--rule = 'migos': unknown rule; did you mean 'migo'\?"):
+        TuneOptions().override(rule="migos")

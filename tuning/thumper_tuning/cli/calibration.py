@@ -124,20 +124,21 @@ def _odometry(
 ) -> None:
     from rich.console import Console
 
-    from thumper.cli.output.folder import prepare_output
+    from thumper.cli.output.folder import new_output
     from thumper.config.robot import check_same_robot, load_config
     from thumper_tuning.calibration import odometry
     from thumper_tuning.calibration.course import CourseOptions
 
     check_same_robot(board, lidar)
     console, robot = Console(), load_config(config)
-    prepare_output(out)
     source = odometry.DriveSource(
         board=board, lidar=lidar, lidar_model=robot.lidar.model, log=log, truth=truth
     )
-    wheels = odometry.collect_drive(source, robot, CourseOptions(laps=laps), out, yes=yes, console=console)
+    course = CourseOptions(laps=laps)
     evaluate = odometry.calibrate_odometry if calibrates else odometry.run_odometry_experiment
-    evaluate(wheels, robot, out, console)
+    with new_output(out):
+        wheels = odometry.collect_drive(source, robot, course, out, yes=yes, console=console)
+        evaluate(wheels, robot, out, console)
 
 
 @experiment.command("speed")
@@ -154,11 +155,10 @@ def experiment_speed(
     """
     from rich.console import Console
 
-    from thumper.cli.output.folder import prepare_output
+    from thumper.cli.output.folder import new_output
     from thumper_tuning.calibration.speed_tracking import run_speed_experiment
     from thumper_tuning.drive.console import open_board
     from thumper_tuning.drive.verify import VerifyOptions
 
-    prepare_output(out)
-    with open_board(board, baud) as robot:
+    with new_output(out), open_board(board, baud) as robot:
         run_speed_experiment(robot, VerifyOptions(hold_s=hold), out, Console(), yes=yes)

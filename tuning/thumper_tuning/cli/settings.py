@@ -7,6 +7,7 @@ from pydantic import TypeAdapter
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.strict_toml import read_checked
+from thumper.common.texts import choice_hint
 from thumper_tuning.design.gains import RULE_NAMES, DesignOptions
 from thumper_tuning.drive.excitation import ExcitationOptions
 from thumper_tuning.drive.verify import VerifyOptions
@@ -72,5 +73,5 @@ def load_settings(path: Path | None) -> TuneOptions:
 def _check_rule(rule: str, where: str) -> None:
     if rule not in RULE_NAMES:
         raise ThumperError(
-            f"{where} = {rule!r}: unknown rule; choose from: {', '.join(RULE_NAMES)}", exit_code=EXIT_USAGE
+            f"{where} = {rule!r}: unknown rule; {choice_hint(rule, RULE_NAMES)}", exit_code=EXIT_USAGE
         )

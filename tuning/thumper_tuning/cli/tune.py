@@ -74,7 +74,8 @@ Columns = Annotated[
 Rule = Annotated[
     str | None,
     typer.Option(
-        help="migo, improved-simc, simc, amigo, ziegler-nichols, pole-placement or dlqr.", show_default="migo"
+        help="migo, migo-1.4, improved-simc, simc, amigo, ziegler-nichols, pole-placement or dlqr.",
+        show_default="migo",
     ),
 ]
 Sensitivity = Annotated[
@@ -115,12 +116,13 @@ def tune(
         return
     from rich.console import Console
 
-    from thumper.cli.output.folder import prepare_output
+    from thumper.cli.output.folder import new_output
     from thumper_tuning.cli.settings import load_settings
     from thumper_tuning.cli.steps import tune_robot
 
     options = load_settings(settings).override(lane_m=lane, hold_s=hold, rule=rule, largest_sensitivity=ms)
-    tune_robot(board, baud, prepare_output(out), options, yes=yes, console=Console())
+    with new_output(out):
+        tune_robot(board, baud, out, options, yes=yes, console=Console())
 
 
 @app.command()
@@ -135,12 +137,13 @@ def record(
     """Drive the identification experiment back and forth and write identification.csv. Ctrl-C stops it."""
     from rich.console import Console
 
-    from thumper.cli.output.folder import prepare_output
+    from thumper.cli.output.folder import new_output
     from thumper_tuning.cli.settings import load_settings
     from thumper_tuning.cli.steps import record_on
 
     options = load_settings(settings).override(lane_m=lane)
-    record_on(board, baud, prepare_output(out), options.excitation, yes=yes, console=Console())
+    with new_output(out):
+        record_on(board, baud, out, options.excitation, yes=yes, console=Console())
 
 
 @app.command(help=FIT_HELP)
@@ -236,14 +239,15 @@ def verify(
     """Set the gains, drive trapezoids forward and backward, and print the tracking error."""
     from rich.console import Console
 
-    from thumper.cli.output.folder import prepare_output
+    from thumper.cli.output.folder import new_output
     from thumper_tuning.cli.gains_file import read_gains_file
     from thumper_tuning.cli.settings import load_settings
     from thumper_tuning.cli.steps import verify_on
 
     options = load_settings(settings).override(hold_s=hold)
     new_gains = read_gains_file(gains)
-    verify_on(board, baud, new_gains, prepare_output(out), options.verify, yes=yes, console=Console())
+    with new_output(out):
+        verify_on(board, baud, new_gains, out, options.verify, yes=yes, console=Console())
 
 
 @app.command()

@@ -35,14 +35,14 @@ def prepare_output(folder: Path, option: str = "--out") -> Path:
 @contextmanager
 def new_output(folder: Path) -> Iterator[None]:
     """Prepare `folder` as `prepare_output` does; remove it if it is new and the work fails without a file."""
-    is_new = not folder.exists()
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
     prepare_output(folder)
     try:
         yield
     except BaseException:
-        if is_new:
-            with suppress(OSError):  # there are files in it
-                folder.rmdir()
+        with suppress(OSError):  # there are files in it
+            for path in new:
+                path.rmdir()
         raise
 
 

@@ -47,12 +47,12 @@ def test_the_folder_is_free_again_afterwards(tmp_path: Path) -> None:
 def test_failed_work_removes_an_empty_folder_that_it_made(
     tmp_path: Path, is_new: bool, with_file: bool, stays: bool
 ) -> None:
-    folder = tmp_path / "out"
+    folder = tmp_path / "out/experiment"
     if not is_new:
-        folder.mkdir()
+        folder.mkdir(parents=True)
     with suppress(ThumperError), new_output(folder):
         assert folder.is_dir()
         if with_file:
             (folder / "map.png").touch()
         raise ThumperError("no log")
-    assert folder.exists() == stays
+    assert folder.parent.exists() == folder.exists() == stays
