@@ -67,9 +67,9 @@ def demo(
 
 
 def _worlds() -> list[str]:
-    from thumper_hil.world.world_file import world_names
+    from thumper_hil.world.world_file import suggested_worlds
 
-    return [*world_names(), *(f"house-{number}" for number in range(1, 10))]
+    return suggested_worlds()
 
 
 def _lidars() -> list[str]:

@@ -3,7 +3,7 @@
 from thumper_hil.bench.bench import DEFAULT_ELF, Bench
 from thumper_hil.bench.registry import simulation
 from thumper_hil.chip.native_library import LIBRARY
-from thumper_hil.world.world_file import world_names
+from thumper_hil.world.world_file import suggested_worlds
 
 __all__ = ["DEFAULT_ELF", "Bench", "missing_parts", "simulation", "urls"]
 
@@ -17,5 +17,5 @@ def missing_parts() -> str:
 
 
 def urls() -> list[str]:
-    """Return the URL of each built-in world."""
-    return [f"sim://?world={name}" for name in world_names()]
+    """Return the URL of each world that Tab offers."""
+    return [f"sim://?world={name}" for name in suggested_worlds()]

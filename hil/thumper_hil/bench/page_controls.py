@@ -8,11 +8,10 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper_hil.bench.bench import Bench
 from thumper_hil.faults.catalogue import FAULTS, Amount, Choice, FaultValue
-from thumper_hil.world.world_file import world_names
+from thumper_hil.world.world_file import suggested_worlds
 
 SMALLEST_PILLAR_M, LARGEST_PILLAR_M = 0.02, 2.0
 FARTHEST_PILLAR_M = 50.0
-HOUSES = tuple(f"house-{number}" for number in range(1, 10))
 COMMANDS = ("fault", "pillar", "clear_pillars")
 
 
@@ -30,7 +29,7 @@ class PageControls:
             "on": dict(self._active),
             "pillars": self._bench.pillars,
             "world": self._bench.world_name,
-            "worlds": [*world_names(), *HOUSES],
+            "worlds": suggested_worlds(),
         }
 
     def apply(self, content: Mapping[str, Any]) -> str:

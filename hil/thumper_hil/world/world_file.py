@@ -92,6 +92,11 @@ def world_names() -> list[str]:
     return sorted(file.stem for file in WORLDS.glob("*.toml"))
 
 
+def suggested_worlds() -> list[str]:
+    """Return the names that lists and Tab offer: the built-in worlds and the first houses."""
+    return [*world_names(), *(f"house-{number}" for number in range(1, 10))]
+
+
 def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:
     if path.resolve() in parents:
         raise ThumperError(

@@ -168,6 +168,11 @@ def check_port(url: str, name: str) -> None:
         There is no such port.
     """
     if "://" not in url:
+        if Path(url).is_file() or Path(url).is_dir():
+            raise ThumperError(
+                f"{url}: a file or folder, not the {name} port; `thumper doctor` lists the ports",
+                exit_code=EXIT_USAGE,
+            )
         if Path(url).exists():
             return
         if url.startswith("sim"):

@@ -220,12 +220,22 @@ def _decode_pgm(data: bytes) -> ImageArray:
         raise ValueError(f"is not a valid 8-bit PGM image ({error})") from error
 
 
-def _parse(path: Path, text: str, modes: tuple[str, ...]) -> MapMetadata:
+def _keys(path: Path, text: str) -> dict[str, str]:
+    """Return the text of each key; raise ThumperError if it is no map file at all."""
     values: dict[str, str] = {}
     for line in text.splitlines():
         key, colon, value = line.partition("#")[0].partition(":")
         if colon:
             values[key.strip()] = value.strip().strip("\"'")
+    if values.keys().isdisjoint(("image", "resolution", "origin")):
+        raise ThumperError(
+            f"{path}: not a map file; pass the .yaml file of a saved map", exit_code=EXIT_USAGE
+        )
+    return values
+
+
+def _parse(path: Path, text: str, modes: tuple[str, ...]) -> MapMetadata:
+    values = _keys(path, text)
 
     def text_of(key: str) -> str:
         if not values.get(key):

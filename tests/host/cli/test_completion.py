@@ -34,6 +34,7 @@ def test_ports_are_those_that_are_plugged_in_and_the_simulator(
 def test_worlds_parameters_and_topics_are_offered() -> None:
     assert {"sim://", "sim://?world=lab", "sim://?world=hall"} <= set(offered("run", "--board", "sim"))
     assert offered("run", "--board", "sim://?world=lab_") == ["sim://?world=lab_box"]
+    assert "sim://?world=house-1" in offered("run", "--board", "sim://?world=hou")
     assert {"lab", "hall", "house-1"} <= set(offered("sim", "--world"))
     assert offered("parameters", "words", "k") == ["kp", "ki", "ks", "kv", "ka"]
     assert "scan" in offered("watch", "topic")

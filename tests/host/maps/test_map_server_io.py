@@ -97,6 +97,13 @@ def test_an_invalid_yaml_file_names_file_key_and_value(
         assert word in str(error.value)
 
 
+def test_a_text_without_keys_is_no_map_file(tmp_path: Path) -> None:
+    path = tmp_path / "README.md"
+    path.write_text("# Robot\n\nNote: read this.\n")
+    with pytest.raises(ThumperError, match=r"README\.md: not a map file; pass the \.yaml file"):
+        load_map(path)
+
+
 @pytest.mark.parametrize(
     ("data", "word"),
     [

@@ -14,7 +14,7 @@ def test_a_device_whose_name_begins_with_sim_is_no_wrong_url(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "sim_board").touch()
+    (tmp_path / "sim_board").symlink_to("/dev/null")
     check_port("sim_board", "board")
 
 
@@ -30,6 +30,7 @@ def test_a_device_whose_name_begins_with_sim_is_no_wrong_url(
             EXIT_USAGE,
             "cannot simulate the board: xyzzy: unknown world; choose from: ",
         ),
+        ("README.md", "/dev/null", EXIT_USAGE, "README.md: a file or folder, not the board port"),
         ("sim:/", "", EXIT_USAGE, "sim:/: no such port; did you mean 'sim://'?"),
         ("sim://?wrld=hall", "", EXIT_USAGE, "unknown simulator option 'wrld'; did you mean 'world'?"),
         ("sim://?x_m=90", "", EXIT_USAGE, "choose a free start"),
