@@ -27,8 +27,8 @@ constexpr RampSteps MakeRampSteps(int16_t acceleration, int16_t deceleration) {
   return {RampStep(acceleration), RampStep(deceleration == 0 ? acceleration : deceleration)};
 }
 
-/// Return the next set-point: towards `target` by at most one step. A reversal in more than one step passes
-/// through zero. Inlined, it would take the control tick's registers.
+/// Return the next set-point: towards `target` by at most one step. Before a reversal, fast
+/// braking ends at zero. Inlined, it would take the control tick's registers.
 __attribute__((noinline)) inline int16_t Ramp(int16_t setpoint_mrad_s, int16_t target_mrad_s,
                                               RampSteps steps) {
   uint16_t step = uint16_t(steps.speed_up);
@@ -37,7 +37,7 @@ __attribute__((noinline)) inline int16_t Ramp(int16_t setpoint_mrad_s, int16_t t
   // Unsigned, because a reversal exceeds int16.
   uint16_t gap = static_cast<uint16_t>(uint16_t(target_mrad_s) - uint16_t(setpoint_mrad_s));
   if (!up) gap = static_cast<uint16_t>(-gap);
-  if (gap > step && (up ? setpoint_mrad_s < 0 : setpoint_mrad_s > 0)) {
+  if (gap > step && (up ? setpoint_mrad_s < -steps.speed_up : setpoint_mrad_s > steps.speed_up)) {
     step = uint16_t(steps.slow_down);
     if ((target_mrad_s ^ setpoint_mrad_s) < 0) {
       target_mrad_s = 0;

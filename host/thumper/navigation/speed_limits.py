@@ -64,12 +64,12 @@ class WheelRamp:
         )
 
     def step(self, rim_m_s: float, target_m_s: float, elapsed_s: float) -> float:
-        """Return a rim's next speed [m/s], as the firmware's ramp.hpp: a reversal passes through zero."""
-        change_m_s = target_m_s - rim_m_s
-        if abs(change_m_s) <= self.accel_m_s2 * elapsed_s:
+        """Return a rim's next speed [m/s], as the firmware's ramp.hpp."""
+        step_m_s = self.accel_m_s2 * elapsed_s
+        if (target_m_s - rim_m_s) * rim_m_s >= 0.0 or abs(rim_m_s) <= step_m_s:
+            return step_toward(rim_m_s, target_m_s, step_m_s)
+        if abs(target_m_s - rim_m_s) <= step_m_s:
             return target_m_s
-        if change_m_s * rim_m_s >= 0.0:
-            return step_toward(rim_m_s, target_m_s, self.accel_m_s2 * elapsed_s)
         slowest_m_s = target_m_s if target_m_s * rim_m_s > 0.0 else 0.0
         return step_toward(rim_m_s, slowest_m_s, self.decel_m_s2 * elapsed_s)
 

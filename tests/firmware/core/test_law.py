@@ -26,7 +26,7 @@ def ramped(last: float, target: float, speed_up: float, slow_down: float) -> flo
     change = target - last
     if speed_up == 0 or abs(change) <= speed_up:
         return target
-    if last * change >= 0:
+    if last * change >= 0 or abs(last) <= speed_up:
         return last + math.copysign(speed_up, change)
     return last + clamp((target if target * last > 0 else 0) - last, slow_down)
 

@@ -17,7 +17,10 @@ limits = st.integers(1, 20_000)
 
 @settings(max_examples=200, deadline=None)
 @given(start=setpoints, target=setpoints, acceleration=limits, deceleration=limits)
-@example(start=800, target=0, acceleration=800, deceleration=400)
+@example(start=900, target=100, acceleration=800, deceleration=400)
+@example(start=-800, target=500, acceleration=800, deceleration=400)
+@example(start=800, target=-500, acceleration=800, deceleration=400)
+@example(start=-2000, target=-1000, acceleration=100, deceleration=5000)
 def test_ramp_reaches_the_target_no_faster_than_allowed(
     core: ctypes.CDLL, start: int, target: int, acceleration: int, deceleration: int
 ) -> None:
@@ -25,7 +28,7 @@ def test_ramp_reaches_the_target_no_faster_than_allowed(
     after = core.ramp(start, target, acceleration, deceleration)
     if abs(target - start) <= acceleration:
         assert after == target
-    elif start == 0 or (target - start) * start > 0:  # it speeds up
+    elif (target - start) * start >= 0 or abs(start) <= acceleration:  # it speeds up, or reverses
         assert abs(after - start) == acceleration
     else:
         end = target if target * start > 0 else 0  # it brakes to this, and only then reverses

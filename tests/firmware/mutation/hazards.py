@@ -216,6 +216,7 @@ NOT_OF_THE_FIRMWARE = frozenset(
         "obstacle in the path",
         "many small steps toward an obstacle",
         "somebody walks into the path",
+        "hard braking tilts the base, and the lidar sees the floor",
         "lidar silent or unplugged: driving blind",
         "unseen ground: an obstacle behind the robot that the lidar never saw",
         "tail sweep: a chair leg beside the tail of a robot that turns on the spot",

@@ -55,6 +55,7 @@ def test_braking_is_symmetric(twist: Twist2) -> None:
         (0.3, -0.3, 0.15),
         (0.1, -0.3, 0.0),
         (0.02, -0.02, -0.02),
+        (0.04, -0.3, -0.01),
     ],
 )
 def test_a_rim_follows_the_ramp_of_the_board(rim_m_s: float, target_m_s: float, next_m_s: float) -> None:

@@ -47,6 +47,7 @@ def driven(
     samples: list[TelemetrySample] = []
     try:
         board.poll(0.3)
+        board.set_parameter("deceleration", 0.0)  # as the acceleration: only an emergency stop brakes harder
         board.command(Command.ARM)
         left = right = 4.0
         for tick in range(int(10 * seconds)):
@@ -85,12 +86,12 @@ def test_sixty_seconds_of_curves_determine_the_wheels(seed: int) -> None:
 
 @pytest.mark.parametrize("left", [1.0, 0.9])
 def test_curves_to_both_sides_determine_the_gain_of_each_side(left: float) -> None:
-    """The drive of seed 1 turns too little: its gains must be right or not determined.
+    """Many of the drives turn too little: their gains must be right or not determined.
 
     Those determined have deviations of up to 1.5 %, so an error of 3 % is no fault of the fit.
     """
     determined = 0
-    for seed in (1, 2, 3):
+    for seed in range(1, 9):
         found = estimated(driven("ordinary", EQUAL, seed, 60.0), left)
         for side, gain in ((found.left, left * GAIN), (found.right, GAIN)):
             if side.gain is not None:

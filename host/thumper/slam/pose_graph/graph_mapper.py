@@ -123,6 +123,9 @@ class GraphMapper:
             origins_m=np.zeros((1, 2)), ends_m=np.ones((1, 2)), kinds=np.array([HIT], np.uint8)
         )
         keep_scan(0, Pose2(), beams)
+        rebuilt = self._empty_grid("deferred")
+        rebuilt.insert(Pose2(), beams)
+        rebuilt.add_distances()
         edge = Edge(
             first=0, second=1, first_from_second=Pose2(), information=np.eye(3), loop=False, length_m=0.0
         )
