@@ -44,7 +44,7 @@ BOUNDS = {
     "left_speed": 210,  # four counts in a control tick; the edges move by less than one
     "right_speed": 210,
     "left_pwm": 4,
-    "right_pwm": 4,
+    "right_pwm": 6,
     "battery_mV": 2,
     "rx_frames": 1,  # one may end as a tick begins
     "rx_errors": 0,
