@@ -31,7 +31,9 @@ CYCLES_PER_MS = CPU_HZ // 1000
 UNTIL_MS = 9000
 # The cut and its end are not on a control tick: which of both is first depends on a few cycles.
 CUT_MS, AGAIN_MS, BLOCKED_MS = 5420, 6720, 7500
-KP = next(setting for setting in PARAMETERS if setting.name == "kp")
+KP, DECELERATION = (
+    next(setting for setting in PARAMETERS if setting.name == name) for name in ("kp", "deceleration")
+)
 SPEEDS = {300: (5.0, 5.0), 1500: (-3.0, 3.0), 2800: (8.0, 6.0), 3800: (4.0, 4.0)}
 """Set-points [rad/s] from these milliseconds on: ahead, turn on the spot, fast curve, ahead."""
 
@@ -44,7 +46,7 @@ BOUNDS = {
     "left_speed": 210,  # four counts in a control tick; the edges move by less than one
     "right_speed": 210,
     "left_pwm": 4,
-    "right_pwm": 6,
+    "right_pwm": 4,
     "battery_mV": 2,
     "rx_frames": 1,  # one may end as a tick begins
     "rx_errors": 0,
@@ -68,6 +70,7 @@ def commands() -> dict[int, bytes]:
         speeds = SPEEDS.get(ms, speeds)
         left, right = (round(1000.0 * speed) for speed in speeds)
         sent[ms] = frame(SetWheelSpeeds(left=left, right=right))
+    sent[250] += frame(SetParameter(index=DECELERATION.index, value=0))  # harder, it brakes at about PWM 0
     sent[250] += frame(CommandRequest(command=Command.ARM))
     # With 20 a count more or less swings on: the tick before the fault then differs by five counts.
     sent[4500] += frame(SetParameter(index=KP.index, value=round(12.0 * KP.scale)))
