@@ -384,7 +384,7 @@ class Navigator:
         elif self._state is NavigationState.RECOVERING:
             reason = f"{active.recovery.current}; {reason}"
         self._reason = reason
-        return self._output(filtered.slowing or Twist2(), request, result.trajectory)
+        return self._output(filtered.slowing, request, result.trajectory)
 
     def _output(
         self, command: Twist2, request: ControlRequest, trajectory: FloatArray | None = None

@@ -1,6 +1,6 @@
 """The command filter: give way, dynamic obstacles, velocity smoother, collision monitor, escape."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,7 @@ class FilteredCommand:
     reason: str = ""  # why it was rejected or changed
     yielding: bool = False  # to let a dynamic obstacle pass: another motion, or zero
     escaping: bool = False  # another motion, because the wanted one was rejected
-    slowing: Twist2 | None = None  # instead of a rejected command; None: zero at once
+    slowing: Twist2 = field(default_factory=Twist2)  # instead of a rejected command
 
 
 class CommandFilter:
@@ -126,7 +126,7 @@ class CommandFilter:
             stop = self._waiting_reason(command, request, self._heeded(gives_way=gives_way))
             self._waiting.count(request.period_s, waits=stop is not None)
             if stop is not None:
-                return FilteredCommand(command=self._slowing(request) or Twist2(), reason=stop, yielding=True)
+                return FilteredCommand(command=self._slowing(request), reason=stop, yielding=True)
             command, stop = self._monitored(command, request, points_m)
             if stop is None:
                 return FilteredCommand(command=command)
@@ -136,13 +136,13 @@ class CommandFilter:
             return FilteredCommand(command=escape, reason=f"escaping: {reason}", escaping=True)
         return FilteredCommand(command=None, slowing=self._slowing(request), reason=reason)
 
-    def _slowing(self, request: ControlRequest) -> Twist2 | None:
-        """Return the last command, slowed down as in a normal drive; None if that would touch something.
+    def _slowing(self, request: ControlRequest) -> Twist2:
+        """Return the last command, slowed down as in a normal drive; zero if that would touch something.
 
         The board brakes harder. That tilts the base, and the lidar with it, so far ahead it sees the floor.
         """
         command, stop = self._monitored(Twist2(), request, NO_OBSTACLES.points_m)
-        return command if stop is None else None
+        return command if stop is None else Twist2()
 
     def _waiting_reason(
         self, command: Twist2, request: ControlRequest, moving: list[MovingObject]
@@ -198,7 +198,7 @@ class CommandFilter:
         command = self._give_way.best_command(request, discs, allowed)
         waits = command == Twist2()
         if waits:
-            command = self._slowing(request) or command
+            command = self._slowing(request)
         what = "waiting for" if waits else "giving way to"
         speed_m_s = max(track.speed_m_s for track in self._tracks.moving())
         reason = f"{what} a dynamic obstacle that moves at {speed_m_s:.1f} m/s"
