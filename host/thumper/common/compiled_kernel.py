@@ -4,6 +4,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
@@ -19,6 +20,7 @@ from numba.core.caching import (
 )
 
 from thumper.common.kernel_files import choose_processor, kernel_folder, source_hash
+from thumper.common.kernel_library import KernelLibrary
 from thumper.common.numba_kernel import SHIP_VARIABLE
 
 choose_processor()
@@ -97,10 +99,11 @@ class KernelCache(FunctionCache):
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled function for these types; None: compile it."""
+        _prepare(target_context)
         for file in self._read:
             self._cache_file = file
             try:
-                found = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+                found = self._load_overload(sig, target_context)  # type: ignore[no-untyped-call]
             except Exception:  # an old or damaged pickle can raise anything
                 found = None
                 if file is self._written:
@@ -132,6 +135,13 @@ class KernelCache(FunctionCache):
             yield
         finally:
             os.close(descriptor)
+
+
+@cache
+def _prepare(target_context: Any) -> None:
+    """Let numba load its own parts: once, not for each kernel. Its compiler looks again for new ones."""
+    target_context.refresh()
+    target_context.codegen()._library_class = KernelLibrary
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
