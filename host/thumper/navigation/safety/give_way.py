@@ -13,7 +13,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray, Twist2
 from thumper.navigation.controllers.controller import ControlRequest
 from thumper.navigation.controllers.stopping_check import dynamics_of, motion_start, simulated_poses
-from thumper.navigation.costmap.footprint_collision import CollisionGrid
+from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.planners.polyline import ahead, arc_lengths, resample
 from thumper.navigation.safety.give_way_kernels import (
@@ -29,13 +29,16 @@ AHEAD_S = 3.5  # a conflict later than this is none yet
 LOOKAHEAD_M = 2.0  # of the path that counts
 VERTEX_M = 0.1
 MARGIN_M_S = 0.02  # predictions get worse by this much
-ENDS = np.array((8, 22, STEPS))  # steps at which the commands of a plan end
+ENDS = (8, 22, STEPS)  # steps at which the commands of a plan end
 BACK_M_S = -0.2
 # The commands of the plans, as parts of the highest speeds; NaN: toward the end of the path.
 FIRST_V, FIRST_W = (-0.5, 0.0, 0.35, 0.7, 1.0), (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
 SECOND_V, SECOND_W = (-0.5, 0.0, 0.5, 1.0), (-0.8, -0.4, 0.0, 0.4, 0.8)
-LAST = ((0.0, math.nan), (1.0, math.nan), (1.0, 0.0), (0.5, 0.0))
-FRACTIONS = np.array(tuple(product(product(FIRST_V, FIRST_W), product(SECOND_V, SECOND_W), LAST)))
+FRACTIONS = (
+    tuple(product(FIRST_V, FIRST_W)),
+    tuple(product(SECOND_V, SECOND_W)),
+    ((0.0, math.nan), (1.0, math.nan), (1.0, 0.0), (0.5, 0.0)),
+)
 KEEP_BONUS_M = 0.3  # for the plan that was chosen last
 WEIGHTS = GiveWayWeights(contact=18.0, near=0.5, static=5.0, heading=0.15, keep=KEEP_BONUS_M)
 TRIED = 1500  # of the plans, best first, have their first command checked
@@ -50,9 +53,12 @@ class GiveWay:
         self._footprint = footprint
         self._half_planes = footprint.half_planes()
         self._margin_m = margin_m
-        self._last: FloatArray | None = None
-        v_m_s = np.maximum(BACK_M_S, FRACTIONS[..., 0] * limits.v_max_m_s)  # backward it is slow
-        self._plans = np.stack((v_m_s, FRACTIONS[..., 1] * limits.w_max_rad_s), axis=-1)
+        self._last: FloatArray | None = None  # first and second command of the last plan, shape (2, 2)
+        highest = (limits.v_max_m_s, limits.w_max_rad_s)
+        slowest_m_s = (BACK_M_S, -math.inf)  # backward it is slow
+        self._first, self._second, self._third = (
+            np.maximum(np.array(fractions) * highest, slowest_m_s) for fractions in FRACTIONS
+        )
 
     def is_in_conflict(self, command: Twist2, request: ControlRequest, discs: FloatArray) -> bool:
         """Return whether the command or the path soon comes too near to somebody.
@@ -99,28 +105,33 @@ class GiveWay:
 
         `allowed` returns the command that may be driven instead of one, or None.
         """
-        grid, plans = CollisionGrid.from_costmap(request.costmap, self._footprint), self._plans
-        costs = score_plans(self._task(request, discs), plans, ENDS, grid, WEIGHTS)
+        first, second = self._first, self._second
+        costs = score_plans(self._task(request, discs), first, second, self._third, ENDS)
         if self._last is not None:
-            costs -= KEEP_BONUS_M * np.exp(-np.abs(plans[:, :2] - self._last).sum(axis=(1, 2)))
-        tried: set[tuple[float, float]] = set()
-        for index in np.argsort(costs)[:TRIED]:
-            v_m_s, w_rad_s = (float(value) for value in plans[index, 0])
-            if (v_m_s, w_rad_s) in tried:
+            change = [
+                np.abs(commands - last).sum(axis=1)
+                for commands, last in zip((first, second), self._last, strict=True)
+            ]
+            costs -= KEEP_BONUS_M * np.exp(-np.add.outer(*change))[..., None]
+        tried: set[int] = set()
+        for index in np.argsort(costs, axis=None)[:TRIED]:
+            one, two, _ = (int(number) for number in np.unravel_index(index, costs.shape))
+            if one in tried:
                 continue
-            tried.add((v_m_s, w_rad_s))
-            wanted = Twist2(v_m_s=min(v_m_s, request.v_limit_m_s), w_rad_s=w_rad_s)
-            command = allowed(wanted)
+            tried.add(one)
+            v_m_s, w_rad_s = (float(value) for value in first[one])
+            command = allowed(Twist2(v_m_s=min(v_m_s, request.v_limit_m_s), w_rad_s=w_rad_s))
             if command is not None:
-                self._last = plans[index, :2]
+                self._last = np.array((first[one], second[two]))
                 return command
         return Twist2()
 
     def _task(self, request: ControlRequest, discs: FloatArray) -> GiveWayTask:
         path_m = resample(ahead(request.path_m, request.map_from_base, LOOKAHEAD_M), VERTEX_M)
-        along_m = arc_lengths(path_m)
+        along_m, start = arc_lengths(path_m), motion_start(request)
+        grid = CollisionGrid.from_costmap(request.costmap, self._footprint)
         return GiveWayTask(
-            start=motion_start(request),
+            start=start,
             sent=(request.last_command.v_m_s, request.last_command.w_rad_s),
             dynamics=dynamics_of(self._limits, STEP_S),
             half_planes=self._half_planes,
@@ -130,4 +141,7 @@ class GiveWay:
             path_m=path_m,
             left_m=along_m[-1] - along_m,
             w_max=self._limits.w_max_rad_s,
+            grid=grid,
+            touching=max(0, lethal_count(grid, False, start.x, start.y, start.theta)),
+            weights=WEIGHTS,
         )
