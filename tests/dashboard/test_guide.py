@@ -230,13 +230,13 @@ def test_progress_of_unknown_length_has_no_share() -> None:
 @pytest.mark.parametrize(
     ("event", "verdict"),
     [
-        ("mission 3 reached: at the goal", "pass"),
+        ("goal (0.50, -0.50) m reached: at the goal", "pass"),
         ("explored after 30 s: reached 2 of 2 frontiers; back at the start", "pass"),
         ("time is up after 900 s: reached 2 of 4 frontiers; back at the start", "pass"),
         ("nothing is left to explore: no frontier is reachable", "pass"),
         ("not back at the start: no path", "fail"),
-        ("mission 3 failed: no path", "fail"),
-        ("mission 3 ended: cancelled", "fail"),
+        ("goal (60.00, 0.00) m not reached: no path", "fail"),
+        ("route of 3 goals ended: cancelled", "fail"),
     ],
 )
 def test_each_end_of_a_mission_or_exploration_is_the_outcome_of_the_step(event: str, verdict: str) -> None:

@@ -30,6 +30,7 @@ class Service:
         self.robot, self.bench = robot, bench
         self.waited_s = 0.0
         self.events: list[str] = []
+        self.status: Message | None = None
         robot.publisher.add_sink(self._listen)
         robot.request_handler.accepts_goals = True
 
@@ -40,6 +41,8 @@ class Service:
     def _listen(self, topic: str, _stamp_s: float, message: Message) -> None:
         if topic == "events":
             self.events.append(message.msg)
+        elif topic == "status":
+            self.status = message
 
     def run_cycles(self, count: int) -> None:
         for _ in range(count):

@@ -23,7 +23,7 @@ def test_after_the_last_waypoint_the_motors_are_off(service: Service) -> None:
     assert abs(service.bench.truth()[-1, 1] - 0.9) < 0.15
     service.run_cycles(1)
     assert service.telemetry.state is State.DISARMED
-    assert any("mission 1 reached" in event for event in service.events)
+    assert any(event.startswith("route of 2 goals reached: ") for event in service.events)
     assert service.ask("mission/state", {"mission": 1})["leg"] == 1
 
 
@@ -35,10 +35,19 @@ def test_the_end_of_a_goal_is_logged_once(service: Service, before: tuple[Goal, 
     service.put(GoTo(goals=(NEAR,)))
     service.until(lambda: service.mode == "idle")
     service.run_cycles(2)
-    number = 2 if before else 1
     assert [event for event in service.events if "at the goal" in event] == [
-        f"mission {number} reached: {service.ask('mission/state')['reason']}"
+        f"goal {NEAR} m reached: {service.ask('mission/state')['reason']}"
     ]
+
+
+def test_the_status_says_where_the_robot_drives(service: Service) -> None:
+    service.put(GoTo(goals=(FAR,)))
+    service.run_cycles(15)
+    assert service.status is not None
+    assert (service.status.mode, service.status.reason) == ("driving", f"to {FAR} m")
+    service.put(GoTo(goals=(FAR, NEAR)))
+    service.run_cycles(2)
+    assert service.status.reason == "waypoint 1 of 2"
 
 
 def test_a_refused_goal_leaves_the_mission_under_way(service: Service) -> None:
@@ -76,7 +85,7 @@ def test_cancel_stops_the_robot(service: Service) -> None:
     service.until(lambda: service.mode == "idle")
     assert abs(service.bench.truth()[-1, 4]) < 0.05
     assert service.ask("mission/state")["reason"] == "cancelled"
-    assert "mission 1 ended: cancelled" in service.events
+    assert f"goal {FAR} m ended: cancelled" in service.events
 
 
 def test_an_emergency_stop_is_reported_by_name_and_is_no_failure(service: Service) -> None:
@@ -86,7 +95,7 @@ def test_an_emergency_stop_is_reported_by_name_and_is_no_failure(service: Servic
     service.run_cycles(5)
     assert service.events[-3:] == [
         "navigating",
-        "mission 1 ended: emergency stop",
+        f"goal {FAR} m ended: emergency stop",
         "the emergency stop was pressed",
     ]
 

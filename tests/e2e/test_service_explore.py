@@ -19,6 +19,7 @@ def test_explores_and_comes_back(service: Service) -> None:
     start = service.bench.truth()[-1]
     answer = service.ask("command", {"command": "explore"})
     assert "then back to" in answer["text"]
+    service.until(lambda: service.status is not None and service.status.reason == "exploring: frontier 1")
     service.until(
         lambda: any(event.endswith("back at the start") for event in service.events), max_cycles=1500
     )

@@ -270,7 +270,7 @@ class Publisher:
             time_s=state.time_s,
             robot=self._robot,
             mode="experiment" if self.experiment else drive_manager.mode.value,
-            reason=self.experiment or drive_manager.reason,
+            reason=self.experiment or drive_manager.activity,
             simulated=self._simulated,
             recording=recorder is not None,
             recording_paused=recorder is not None and recorder.is_paused,

@@ -78,6 +78,7 @@ class DriveManager:
         self.mode = DriveMode.IDLE
         self.reason = ""
         self.goal: Goal | None = None
+        self.task = ""  # what the drive to the goal is for
         self.outcome: DriveOutcome | None = None  # of the last drive, once it has ended
         self.command = Twist2()  # as last sent to the wheels
         self.stops = 0  # how often a client has stopped the robot or driven it manually
@@ -92,18 +93,25 @@ class DriveManager:
         self._cycles_armed = self._disarmed_cycles = self._stop_cycles = 0
 
     @property
+    def activity(self) -> str:
+        """Why the robot does what it does: the reason, or else what it drives for."""
+        return self.reason or (self.task if self.mode is DriveMode.DRIVING else "")
+
+    @property
     def holds_still(self) -> bool:
         """Whether the robot is armed, and no one moves it."""
         return self.mode is DriveMode.HOLDING and self.command == Twist2()
 
-    def start(self, goal: Goal, telemetry: Telemetry | None, *, clear_fault: bool = False) -> None:
-        """Arm and start to drive; a new goal replaces the current one."""
+    def start(
+        self, goal: Goal, telemetry: Telemetry | None, *, task: str = "", clear_fault: bool = False
+    ) -> None:
+        """Arm and start to drive; a new goal replaces the current one. `task` says what the drive is for."""
         if self.mode not in (DriveMode.DRIVING, DriveMode.HOLDING):
             self._arm(telemetry, clear_fault=clear_fault)
         self.navigator.set_goal(goal)
         self._cruise = Twist2()  # of a motion that this goal replaces
         self.outcome, self.is_waiting, self._data_age = None, False, DataAge()
-        self.goal = goal
+        self.goal, self.task = goal, task
         self.mode, self.reason = DriveMode.DRIVING, ""
 
     def arm(self, telemetry: Telemetry | None) -> None:

@@ -31,6 +31,7 @@ PATIENCE_S = 10.0  # another frontier may be easier to reach, and show the rest 
 HOME_TOLERANCE_M = 0.15
 MOST_FREE_PERCENT = 50  # cells with less count as free floor in the report
 NEAR_HOME_M = 0.5  # if something stands at home now
+PURPOSE = "exploring"
 BACK = "back at the start"
 NOTHING_LEFT = "nothing is left to explore: no frontier is reachable"
 MapAndPose = Callable[[], tuple[OccupancyGrid, Pose2]]
@@ -99,10 +100,10 @@ def explore(
     if result.interrupted:
         return result
     try:
-        result = (yield Leg(goal=home, name="home")).after(result)
+        result = (yield Leg(goal=home, name="home", purpose=PURPOSE)).after(result)
         if not result.reached and result.navigation_failed and home.tolerance_m < NEAR_HOME_M:
             near = replace(home, tolerance_m=NEAR_HOME_M)
-            result = (yield Leg(goal=near, name="near home")).after(result)
+            result = (yield Leg(goal=near, name="near home", purpose=PURPOSE)).after(result)
     except ThumperError as refusal:  # keep the map that there is
         return replace(result, reached=False, reason=str(refusal))
     if not result.reached:
@@ -119,7 +120,7 @@ def _drive_to_frontiers(
 ) -> Generator[AnyLeg, DriveResult, tuple[DriveResult, str]]:
     """Return the last result and why the exploration ended."""
     # The first drive ends where it starts: it makes the robot scan its surroundings for a first map.
-    result = yield Leg(goal=home, name="initial scan")
+    result = yield Leg(goal=home, name="initial scan", purpose=PURPOSE)
     tried, reached = 0, 0
     given_up: list[Frontier] = []
     is_second_round = False
@@ -142,7 +143,11 @@ def _drive_to_frontiers(
         approach, goal = _Approach(explorer, now, frontier), explorer.goal(frontier)
         try:
             drive = yield Leg(
-                goal=goal, name=f"frontier {tried}", until=approach.has_next, patience_s=PATIENCE_S
+                goal=goal,
+                name=f"frontier {tried}",
+                purpose=PURPOSE,
+                until=approach.has_next,
+                patience_s=PATIENCE_S,
             )
         except ThumperError as refusal:  # a frontier is next to free space: the robot itself cannot drive
             ending = f"ended after {result.time_s:.0f} s: {refusal}"

@@ -90,7 +90,12 @@ class LegRun:
         match self.leg:
             case Leg():
                 self._goal_limits.check(self.leg.goal)
-                manager.start(self.leg.goal, self._inputs.telemetry, clear_fault=self.leg.clear_fault)
+                manager.start(
+                    self.leg.goal,
+                    self._inputs.telemetry,
+                    task=self.leg.task,
+                    clear_fault=self.leg.clear_fault,
+                )
             case Cruise():
                 manager.arm(self._inputs.telemetry)
                 manager.cruise(self.leg.twist)

@@ -8,16 +8,25 @@ from thumper.common.geometry import Twist2
 from thumper.navigation.goal import Goal
 from thumper.runtime.drive.motions import Motion
 
+DRIVING = "driving"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Leg:
     """One drive to a goal."""
 
     goal: Goal
-    name: str = "driving"
+    name: str = DRIVING
+    purpose: str = ""  # of the task that the leg belongs to
     clear_fault: bool = False  # clear a fault that the board has latched
     until: Callable[[], bool] = lambda: False  # ends the leg early; the robot drives on to the next goal
     patience_s: float = math.inf  # give up if the robot has stayed in one place for this long
+
+    @property
+    def task(self) -> str:
+        """What the robot drives for, as its status says."""
+        name = f"to {self.goal} m" if self.name == DRIVING else self.name
+        return f"{self.purpose}: {name}" if self.purpose else name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,7 +35,7 @@ class Cruise:
 
     twist: Twist2
     duration_s: float
-    name: str = "driving"
+    name: str = DRIVING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +43,7 @@ class Move:
     """One simple motion."""
 
     motion: Motion
-    name: str = "driving"
+    name: str = DRIVING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

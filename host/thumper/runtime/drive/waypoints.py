@@ -73,6 +73,12 @@ class WaypointMission:
     reason: str = ""
 
     @property
+    def title(self) -> str:
+        """What the mission is, for people."""
+        points = self.waypoints.points
+        return f"route of {len(points)} goals" if len(points) > 1 else f"goal {points[0].goal} m"
+
+    @property
     def legs(self) -> list[Waypoint]:
         """The waypoints in the order of driving."""
         return self.waypoints.legs()

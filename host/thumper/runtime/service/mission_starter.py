@@ -75,8 +75,8 @@ class MissionStarter:
             raise
         mission = self._end(number, result.reason, reached=result.reached)
         if mission is not None:
-            state = "ended" if result.interrupted else mission.state.value  # a user's stop is no failure
-            text = f"mission {mission.number} {state}: {mission.reason}"
+            state = "reached" if result.reached else "ended" if result.interrupted else "not reached"
+            text = f"{mission.title} {state}: {mission.reason}"
             self._publisher.publish_event(text, INFO if result.reached or result.interrupted else WARN)
         return result
 
