@@ -44,9 +44,9 @@ def cli_page() -> str:
         "|---|---|",
         "| 0 | success; also after Ctrl-C, if the robot has no goal |",
         "| 1 | the task failed: goal not reached, no path |",
-        "| 2 | invalid input |",
+        "| 2 | invalid input: an option, an argument, or a file that is not what the command reads |",
         "| 3 | a device or the addressed robot is missing or does not answer |",
-        "| 4 | a check failed: of the robot, of data, or of the installation and build |",
+        "| 4 | a check failed: of the robot, of the data in a file, or of the installation and build |",
         "| 130 | Ctrl-C interrupted a drive |",
         "",
     ]

@@ -21,6 +21,13 @@ from thumper_tuning.logs.read import read_logs
 
 WHEEL = Wheel()
 NAMES = "time_s,pwm,counts"
+DATA_FAIL = {  # of a file that is read
+    "no excitation",
+    "does not move",
+    "it is clipped or limited",
+    "sign of the speed",
+    "explains only",
+}
 
 Fit = Callable[..., dict[str, object]]
 
@@ -208,7 +215,7 @@ def test_an_unusable_log_is_rejected_in_one_line(
 ) -> None:
     with pytest.raises(ThumperError, match=message) as rejected:
         fit(header, *columns)
-    assert rejected.value.exit_code == 4
+    assert rejected.value.exit_code == (4 if message in DATA_FAIL else 2)
     assert "\n" not in str(rejected.value)
 
 

@@ -130,6 +130,7 @@ def test_margins_of_a_loop_known_in_closed_form() -> None:
     """L = 0.5 / (z - 1): at the Nyquist frequency L = -1/4, so the gain margin is 4 and Ms = 4/3."""
     margins = SpeedLoop.of_board(Plant(pole=0.0, numerator=(1.0,), period_s=0.1), 0.0, 0.5).margins()
     assert margins.gain_margin == pytest.approx(4.0, rel=1e-6)
+    assert margins.gain_margin_dB == pytest.approx(12.04, abs=0.01)
     assert margins.max_sensitivity == pytest.approx(4.0 / 3.0, rel=1e-3)
     assert margins.phase_margin_deg == pytest.approx(math.degrees(math.acos(0.25)), abs=0.1)
     crossover_rad_s = 2.0 * math.asin(0.25) / 0.1

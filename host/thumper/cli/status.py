@@ -12,7 +12,7 @@ import typer
 from thumper.cli.options.bus import connect
 from thumper.cli.options.common import AsJson, BusAddress, ConfigFile, RobotName
 from thumper.cli.output.stderr_report import report_to_stderr
-from thumper.ros.topics import TOPICS, Direction
+from thumper.ros.topics import TOPICS
 
 if TYPE_CHECKING:
     import queue
@@ -122,7 +122,7 @@ def _topics() -> list[str]:
 
 def watch(
     topic: Annotated[
-        str, typer.Argument(help=f"Name of a topic: {', '.join(TOPICS)}.", autocompletion=_topics)
+        str, typer.Argument(help=f"Name of a topic: {', '.join(_topics())}.", autocompletion=_topics)
     ],
     as_json: AsJson = False,
     count: Annotated[int, typer.Option(help="Stop after this many messages; 0: at Ctrl-C.", min=0)] = 0,
@@ -145,8 +145,7 @@ def watch(
     from thumper.ros.to_text import message_text
 
     if topic not in TOPICS:
-        names = [name for name, known in TOPICS.items() if known.direction is Direction.OUT]
-        raise ThumperError(f"unknown topic {topic!r}; {choice_hint(topic, names)}", exit_code=EXIT_USAGE)
+        raise ThumperError(f"unknown topic {topic!r}; {choice_hint(topic, _topics())}", exit_code=EXIT_USAGE)
     received: queue.Queue[Any] = queue.Queue(MAX_QUEUED)
     with connect(config, bus, robot) as client:
         client.subscribe(topic, lambda message: _enqueue(received, message))

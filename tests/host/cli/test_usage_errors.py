@@ -67,6 +67,7 @@ def test_unknown_option_of_each_command(refusal: Refusal, words: tuple[str, ...]
         ("run --goal a b", "run: invalid value for '--goal': 'a' "),
         ("plan", "plan: missing argument 'MAP.yaml'; see `thumper plan --help`"),
         ("watch stauts", "unknown topic 'stauts'; did you mean 'status'?"),
+        ("watch cmd_vl", "unknown topic 'cmd_vl'; did you mean 'cmd_vel'"),
         ("watch xyzzy", "unknown topic 'xyzzy'; choose from: scan, imu,"),
     ],
 )

@@ -74,7 +74,7 @@ def read_csv(path: Path, names: tuple[str, ...]) -> FloatArray:
     if len(rows) < MIN_ROWS or not np.isfinite(rows).all() or (np.diff(rows[:, 0]) <= 0.0).any():
         raise ThumperError(
             f"{path}: needs at least {MIN_ROWS} rows, all numbers, with increasing time_s",
-            exit_code=EXIT_CHECK_FAILED,
+            exit_code=EXIT_USAGE,
         )
     return rows
 

@@ -34,6 +34,11 @@ class LoopMargins:
     disk_gain_margin: float  # factor; gain and phase may change at the same time
     disk_phase_margin_deg: float
 
+    @property
+    def gain_margin_dB(self) -> float:
+        """The gain margin as a level; minus infinity if the loop is unstable."""
+        return 20.0 * math.log10(self.gain_margin) if self.gain_margin > 0.0 else -math.inf
+
 
 UNSTABLE = LoopMargins(
     stable=False,

@@ -8,7 +8,7 @@ from thumper_tuning.identify.fit import Fit
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.identify.segments import LogSegment
 from thumper_tuning.logs.motor_log import BoolArray, DriveUnit, MotorLog
-from thumper_tuning.logs.units import FULL_PWM, log_error
+from thumper_tuning.logs.units import FULL_PWM
 
 RECORD = (
     "record at least 20 s at 10 Hz or faster: steps to three levels in both directions, then random "
@@ -41,6 +41,11 @@ class NoLagError(UndeterminedError):
         self.fit, self.segments, self.frictions = fit, segments, frictions
 
 
+def unusable(message: str) -> ThumperError:
+    """Return the error for a log whose data cannot identify a motor."""
+    return ThumperError(message, exit_code=EXIT_CHECK_FAILED)
+
+
 def undetermined(message: str) -> UndeterminedError:
     """Return the error with the exit code of a log that cannot be used."""
     return UndeterminedError(message, exit_code=EXIT_CHECK_FAILED)
@@ -61,15 +66,15 @@ def check_excitation(logs: list[MotorLog], segments: list[LogSegment]) -> None:
     speed = np.concatenate([s.speed_rad_s for s in segments]) if segments else np.zeros(0)
     duration_s = sum(float(s.edge_s[-1] - s.edge_s[0]) for s in segments)
     if len(speed) < MIN_PARTIAL_WINDOWS:
-        raise log_error(f"{name}: {len(speed)} samples in {duration_s:.1f} s are too few; {RECORD}")
+        raise unusable(f"{name}: {len(speed)} samples in {duration_s:.1f} s are too few; {RECORD}")
     unit = logs[0].drive_unit.value
     if not drive.any():
-        raise log_error(f"{name}: no excitation: the drive is 0 {unit} all the time; {RECORD}")
+        raise unusable(f"{name}: no excitation: the drive is 0 {unit} all the time; {RECORD}")
     quantum = max(log.quantum_rad for log in logs)
     moving = np.abs(speed) > max(0.02 * float(np.percentile(np.abs(speed), 95)), 1e-9)
     travelled_rad = sum(float(np.abs(s.speed_rad_s) @ s.windows_s) for s in segments)
     if not moving.any() or travelled_rad < MIN_COUNTS * quantum:
-        raise log_error(
+        raise unusable(
             f"{name}: the wheel does not move ({np.abs(drive).max():g} {unit} at most); drive it beyond "
             f"the dead band, check motor and encoder cables; {RECORD}"
         )
@@ -92,7 +97,7 @@ def _check_sign(name: str, drive: FloatArray, speed: FloatArray, moving: BoolArr
     largest = float(np.abs(drive).max())
     signs = min(float(np.mean(drive > 0.2 * largest)), float(np.mean(drive < -0.2 * largest)))
     if min(forward, backward) < 0.04 <= signs:
-        raise log_error(
+        raise unusable(
             f"{name}: the drive has both signs but the speed only one: the log lacks the sign of the speed; "
             "record counts that increase forward and decrease backward"
         )
@@ -117,8 +122,8 @@ def _check_levels(name: str, unit: DriveUnit, drive: FloatArray) -> None:
 def no_model(name: str, segments: list[LogSegment]) -> ThumperError:
     """Return the error for a log whose speeds no model explains."""
     if coarse := _coarse_speeds(segments):
-        return log_error(f"{name}: {coarse}")
-    return log_error(f"{name}: the speed does not follow the drive; check columns, units and sign; {RECORD}")
+        return unusable(f"{name}: {coarse}")
+    return unusable(f"{name}: the speed does not follow the drive; check columns, units and sign; {RECORD}")
 
 
 def _coarse_speeds(segments: list[LogSegment]) -> str:
@@ -145,7 +150,7 @@ def check_model(name: str, fit: Fit, fit_percent: float, segments: list[LogSegme
     friction = fit.model.friction
     largest_drive = max(float(np.abs(s.drive).max()) for s in segments)
     if friction < MIN_FRICTION_RATIO * largest_drive:
-        raise log_error(
+        raise unusable(
             f"{name}: the estimated static friction is {friction:.3g} {unit.value}: at high drive the "
             "speed hardly follows, it is clipped or limited; log the counts, or record at lower levels"
         )
@@ -163,7 +168,7 @@ def check_percent(name: str, fit_percent: float, segments: list[LogSegment], wha
         cause = _coarse_speeds(segments) or (
             f"check units, sign and that each row holds the drive applied until the next; else {RECORD}"
         )
-        raise log_error(
+        raise unusable(
             f"{name}: the model explains only {max(fit_percent, 0.0):.0f} % of the {what}: {cause}"
         )
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
-from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper_tuning.logs.column_names import (
     BY_UNIT,
     BY_UNIT_OF,
@@ -166,7 +166,7 @@ def unit_error(column: Column, role: str, quantities: Iterable[Quantity]) -> Thu
     return ThumperError(
         f"column {column.header!r}: unknown unit {column.unknown_unit!r}; pass --column "
         f"{role}={column.header}:UNIT with one of: {known}",
-        exit_code=EXIT_CHECK_FAILED,
+        exit_code=EXIT_USAGE,
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from thumper.common.errors import EXIT_CHECK_FAILED, EXIT_USAGE, ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import read_bytes, unreadable
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.table import MAX_MB, LogTable
@@ -44,10 +44,10 @@ def read_matlab(path: Path) -> LogTable:
         raise unreadable(path, error) from error
     except NotImplementedError as error:
         raise ThumperError(
-            f"{path}: a MATLAB 7.3 file; save it with `save('log.mat', '-v7')`", exit_code=EXIT_CHECK_FAILED
+            f"{path}: a MATLAB 7.3 file; save it with `save('log.mat', '-v7')`", exit_code=EXIT_USAGE
         ) from error
     except Exception as error:  # the parser raises many kinds for damaged files
-        raise ThumperError(f"{path}: not a MATLAB file ({error})", exit_code=EXIT_CHECK_FAILED) from error
+        raise ThumperError(f"{path}: not a MATLAB file ({error})", exit_code=EXIT_USAGE) from error
     vectors = dict(_vectors(content))
     lengths = [len(values) for values in vectors.values() if len(values) >= MIN_ROWS]
     matrix = max(_matrices(content), key=len, default=None)
@@ -56,7 +56,7 @@ def read_matlab(path: Path) -> LogTable:
     if not lengths:
         raise ThumperError(
             f"{path}: no vectors of numbers in it (of a timeseries or table object, save vectors)",
-            exit_code=EXIT_CHECK_FAILED,
+            exit_code=EXIT_USAGE,
         )
     length = max(set(lengths), key=lambda one: (lengths.count(one), one))
     chosen = {name: values for name, values in vectors.items() if len(values) == length}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import read_text, unreadable
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.motor_log import DriveUnit, MotorLog
@@ -41,24 +41,24 @@ def read_sysid(path: Path) -> list[MotorLog]:
         raise unreadable(path, error) from error
     except KeyError as error:
         raise ThumperError(
-            f"{path}: not a SysId recording (no key {error}); pass a CSV file", exit_code=EXIT_CHECK_FAILED
+            f"{path}: not a SysId recording (no key {error}); pass a CSV file", exit_code=EXIT_USAGE
         ) from error
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         why = f" ({error})" if isinstance(error, json.JSONDecodeError) else ""
         raise ThumperError(
-            f"{path}: not a SysId recording{why}; pass a CSV file", exit_code=EXIT_CHECK_FAILED
+            f"{path}: not a SysId recording{why}; pass a CSV file", exit_code=EXIT_USAGE
         ) from error
     if not 0.0 < units_per_rotation < math.inf:
         raise ThumperError(
             f"{path}: unitsPerRotation is {units_per_rotation:g}; set the {data['units']} per turn",
-            exit_code=EXIT_CHECK_FAILED,
+            exit_code=EXIT_USAGE,
         )
     rad = rad or math.tau / units_per_rotation
     widths = {test.shape[1] if test.ndim == 2 else 0 for test in tests}
     if not tests or len(widths) > 1 or min(widths) < 4:
         raise ThumperError(
             f"{path}: not a SysId recording (rows of {sorted(widths)} values); pass a CSV file",
-            exit_code=EXIT_CHECK_FAILED,
+            exit_code=EXIT_USAGE,
         )
     rows = np.concatenate(tests)
     check_time(rows[:, 0], "time")

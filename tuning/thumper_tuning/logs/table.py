@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import read_table_bytes, unreadable
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.column_names import Quantity
@@ -41,7 +41,7 @@ def read_table(path: Path) -> LogTable:
     lines, dialect, stamps_s = max(found, key=lambda one: one[1].known if one[1] is not None else -1)
     if dialect is None:
         wrong = misfit(lines) or "no line names the columns; add one on top, for example time_s,pwm,counts"
-        raise ThumperError(f"{path}: {wrong}", exit_code=EXIT_CHECK_FAILED)
+        raise ThumperError(f"{path}: {wrong}", exit_code=EXIT_USAGE)
     kept = [k for k in range(dialect.first_row, len(lines)) if not is_comment(lines[k])]
     rows = [split_cells(lines[k], dialect.separator) for k in kept]
     columns = [[row[j] if j < len(row) else "" for row in rows] for j in range(len(dialect.headers))]
@@ -84,7 +84,7 @@ def _content(path: Path) -> bytes:
     except OSError as error:
         raise unreadable(path, error) from error
     if data.startswith(b"PK"):
-        raise ThumperError(f"{path}: a workbook; save the sheet as CSV", exit_code=EXIT_CHECK_FAILED)
+        raise ThumperError(f"{path}: a workbook; save the sheet as CSV", exit_code=EXIT_USAGE)
     return data
 
 

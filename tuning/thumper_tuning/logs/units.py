@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import FloatArray
 from thumper_tuning.logs.motor_log import DriveUnit
 
@@ -84,5 +84,5 @@ def quantization_step(values: FloatArray) -> float:
 
 
 def log_error(message: str) -> ThumperError:
-    """Return the error for a log that cannot be used; its message says what to record or rename."""
-    return ThumperError(message, exit_code=EXIT_CHECK_FAILED)
+    """Return the error for a file that is no log; its message says what to record or rename."""
+    return ThumperError(message, exit_code=EXIT_USAGE)

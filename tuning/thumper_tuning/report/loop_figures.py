@@ -94,7 +94,8 @@ def bode(design: Design) -> Figure:
         )
     margins = design.margins
     axes[0].set_title(
-        f"Bode of L: gain margin {margins.gain_margin:.2f}, phase margin {margins.phase_margin_deg:.0f}°"
+        f"Bode of L: gain margin {margins.gain_margin_dB:.1f} dB, "
+        f"phase margin {margins.phase_margin_deg:.0f}°"
     )
     return figure
 

@@ -215,13 +215,13 @@ def _margins_table(design: Design, old: BoardGains | None) -> str:
         [
             name,
             f"{margins.max_sensitivity:.2f}",
-            f"{margins.gain_margin:.2f}",
+            f"{margins.gain_margin_dB:.1f}",
             f"{margins.phase_margin_deg:.0f}",
             f"{margins.delay_margin_s:.3f}",
         ]
         for name, margins in loops
     ]
-    return _table(["loop", "Ms", "gain margin", "phase margin [deg]", "delay margin [s]"], rows)
+    return _table(["loop", "Ms", "gain margin [dB]", "phase margin [deg]", "delay margin [s]"], rows)
 
 
 def _motor_table(motor: IdentifiedMotor) -> str:

@@ -88,7 +88,7 @@ def design_lines(design: Design) -> list[str]:
     ]
     lines.append(
         f"  Ms {margins.max_sensitivity:.2f} (worst of the family {worst.max_sensitivity:.2f}), gain margin "
-        f"{margins.gain_margin:.2f}, phase margin {margins.phase_margin_deg:.0f} deg, delay margin "
+        f"{margins.gain_margin_dB:.1f} dB, phase margin {margins.phase_margin_deg:.0f} deg, delay margin "
         f"{margins.delay_margin_s:.3f} s; PI alone: settles in {step.settling_time_s:.2g} s, overshoot "
         f"{step.overshoot_percent:.0f} %"
     )
