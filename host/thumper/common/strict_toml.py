@@ -4,6 +4,7 @@ import json
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import is_dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -13,7 +14,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.texts import choice_hint, close_names
-from thumper.common.toml_file import load_toml
+from thumper.common.toml_file import line_of, load_toml
 
 T = TypeVar("T")
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -66,7 +67,9 @@ def read_checked(
         is_table = first["type"] == "missing" or isinstance(first["input"], dict)
         setting = key if is_table else f"{key} = {first['input']!r}"
         reason = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
-        raise ThumperError(f"{path}: {setting}: {reason}", exit_code=EXIT_USAGE) from error
+        raise ThumperError(
+            f"{place_of(path, *first['loc'])}: {setting}: {reason}", exit_code=EXIT_USAGE
+        ) from error
 
 
 def read_tables(path: Path, what: str) -> dict[str, Any]:
@@ -80,6 +83,15 @@ def read_tables(path: Path, what: str) -> dict[str, Any]:
     except ValueError as error:
         problem, line = _problem_and_line(error)
         raise ThumperError(f"{path}{line}: not valid TOML: {problem}", exit_code=EXIT_USAGE) from error
+
+
+def place_of(path: Path, *keys: str | int) -> str:
+    """Return `PATH:LINE` of a key of a TOML file that was read; the path alone if no line sets it."""
+    with suppress(OSError, ValueError):  # the file may have changed since
+        line = line_of(path, keys)
+        if line is not None:
+            return f"{path}:{line}"
+    return str(path)
 
 
 def _problem_and_line(error: ValueError) -> tuple[str, str]:
@@ -124,14 +136,17 @@ def _check_keys(
     types = get_type_hints(options_type)
     wants_keys = types.pop(STATED, None) is not None
     for key, value in table.items():
+        full = f"{prefix}{key}"
         if key not in types:
-            if reason := removed.get(f"{prefix}{key}"):
-                raise ThumperError(f"{path}: {prefix}{key} was removed: it {reason}", exit_code=EXIT_USAGE)
-            hint = _key_hint(f"{prefix}{key}", sorted(types), key_paths)
-            raise ThumperError(f"{path}: unknown key {prefix}{key}; {hint}", exit_code=EXIT_USAGE)
+            place = place_of(path, *full.split("."))
+            if reason := removed.get(full):
+                raise ThumperError(f"{place}: {full} was removed: it {reason}", exit_code=EXIT_USAGE)
+            hint = _key_hint(full, sorted(types), key_paths)
+            raise ThumperError(f"{place}: unknown key {full}; {hint}", exit_code=EXIT_USAGE)
         if isinstance(value, dict) and is_dataclass(types[key]):
-            _check_keys(value, cast("type", types[key]), path, f"{prefix}{key}.", removed, key_paths)
+            _check_keys(value, cast("type", types[key]), path, f"{full}.", removed, key_paths)
         elif isinstance(value, float) and not math.isfinite(value):
-            raise ThumperError(f"{path}: {prefix}{key} = {value}: give a finite number", exit_code=EXIT_USAGE)
+            place = place_of(path, *full.split("."))
+            raise ThumperError(f"{place}: {full} = {value}: give a finite number", exit_code=EXIT_USAGE)
     if wants_keys:
         table[STATED] = list(table)

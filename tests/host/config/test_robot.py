@@ -104,13 +104,17 @@ def test_masks_are_relative_to_the_file(tmp_path: Path) -> None:
         ('[navigation]\ncontroller = "warp"\n', ["navigation", "unknown controller 'warp'", "dwa"]),
         ('[navigation.recovery]\nbehaviours = ["jump"]\n', ["navigation.recovery.behaviours", "jump"]),
         ("[navigation.limits]\nv_max_m_s = 40.0\n", ["navigation.limits.v_max_m_s", "40.0", "less than"]),
-        ('[bus]\ntoken = "short"\n', [": bus: a token has at least 12 characters"]),
+        ('[bus]\ntoken = "short"\n', ["robot.toml:1: bus: a token has at least 12 characters"]),
         ('[camera]\ndetector = "chairs.onnx"\n', ["camera: detector needs enabled = true"]),
         (
             "[camera]\ndistortion = [0.1, 0.2, 0.0, 0.0]\n",
             ["camera: distortion needs 5 numbers", "4 are given"],
         ),
         (f"[camera]\ndistortion = {8 * [0.1]}\n", ["camera: distortion needs 5 numbers", "8 are given"]),
+        ("# a\n[drive]\ntrack_m = 0.3\nv_mx = 1\n", ["robot.toml:4: unknown key drive.v_mx"]),
+        ("[board]\n\n[navigation.limits]\n'v_max_m_s' = 40.0\n", ["robot.toml:4: navigation.limits.v_max"]),
+        ("navigation.limits.v_max_m_s = nan\n", ["robot.toml:1: navigation.limits.v_max_m_s = nan"]),
+        ("[navigation]\nlimits = { v_max_m_s = 40.0 }\n", ["robot.toml:2: navigation.limits.v_max_m_s"]),
         ("\n[board\n", ["robot.toml:2: not valid TOML: expected ']'"]),
         ('[bus]\ntoken = """', ["robot.toml: not valid TOML: unterminated"]),
         ("[navigation]\nv_max_m_s = 0.3\n", ["key navigation.v_max_m_s; did you mean navigation.limits.v_m"]),
@@ -135,7 +139,7 @@ def test_a_removed_key_is_refused_with_the_fix(tmp_path: Path, key: str) -> None
     path = written(tmp_path, f"{key} = 1\n")
     with pytest.raises(ThumperError) as caught:
         load_config(path)
-    assert str(caught.value) == f"{path}: {key} was removed: it {REMOVED_KEYS[key]}"
+    assert str(caught.value) == f"{path}:1: {key} was removed: it {REMOVED_KEYS[key]}"
     assert caught.value.exit_code == 2
 
 
@@ -146,7 +150,7 @@ def test_a_removed_table_is_refused_with_the_fix(tmp_path: Path, monkeypatch: py
     with pytest.raises(ThumperError) as caught:
         load_config(path)
     assert str(caught.value) == (
-        f"{path}: navigation.warp_drive was removed: it left with its controller; delete the table"
+        f"{path}:1: navigation.warp_drive was removed: it left with its controller; delete the table"
     )
 
 
