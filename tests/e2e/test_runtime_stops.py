@@ -237,7 +237,7 @@ def test_a_restart_of_the_board_keeps_pose_and_map() -> None:
     with robot_in_the_lab() as (robot, bench):
         result = drive(robot, bench, restart_the_board)
         x_m, y_m = bench.truth()[-1, 1:3]
-    assert math.hypot(result.map_from_base.x_m - x_m, result.map_from_base.y_m - y_m) < 0.3
+    assert math.hypot(result.pose.x_m - x_m, result.pose.y_m - y_m) < 0.3
     assert result.path_length_m < 1.2
 
 

@@ -33,7 +33,7 @@ def test_the_robot_reaches_a_goal_in_a_saved_map(start: Pose2 | None) -> None:
         assert isinstance(robot.mapper, SlamModeSwitch)
         assert robot.mapper.grid() is known
         assert robot.mapper.quality().lost == ""
-    assert Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad).distance_m(result.map_from_base) < 0.06
+    assert Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad).distance_m(result.pose) < 0.06
 
 
 def test_a_kidnapped_robot_stops_relocalizes_and_drives_on() -> None:
@@ -61,4 +61,4 @@ def test_a_kidnapped_robot_stops_relocalizes_and_drives_on() -> None:
             steps_m[steps_m < 0.5].sum(), abs=0.1
         )  # without the kidnapping
         _, x_m, y_m, theta_rad = lab.truth()[-1, :4]
-    assert Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad).distance_m(result.map_from_base) < 0.06
+    assert Pose2(x_m=x_m, y_m=y_m, theta_rad=theta_rad).distance_m(result.pose) < 0.06

@@ -103,7 +103,7 @@ def drive(robot: RobotLoop, mission: DemoMission, console: Console, *, started_s
     result = robot.run(drive_to_goal(goal, mission.title), ProgressDisplay(console))
     raise_if_interrupted(result)
     wall_time_s = time.perf_counter() - started_s
-    grid, session = robot.mapper.grid(), SavedSlamState.from_mapper(robot.mapper, result.map_from_base)
+    grid, session = robot.mapper.grid(), SavedSlamState.from_mapper(robot.mapper, result.pose)
     bench = simulation(mission.name)
     return Outcome(
         mission=mission,

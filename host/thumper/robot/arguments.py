@@ -1,51 +1,76 @@
-"""Checks the arguments of `Robot`: a wrong one is a ThumperError that names the call. Pure."""
+"""Checks the arguments of `Robot`. A wrong one is a ThumperError: "CALL: ARGUMENT: problem; fix". Pure."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.navigation.goal import check_place
 
 MAX_DURATION_S = 600.0
 MAX_DISTANCE_M = 50.0
+PLACE_KEYS = {"x_m", "y_m", "heading_deg", "heading_rad"}
 
 
-def number(call: str, value: float) -> float:
+class PatrolPlace(NamedTuple):
+    """Where a patrol goes."""
+
+    x_m: float
+    y_m: float
+    heading_rad: float | None = None  # None: any
+
+
+def wrong(call: str, name: str, problem: str) -> ThumperError:
+    """Return the error for an argument."""
+    return ThumperError(f"{call}: {name}: {problem}", exit_code=EXIT_USAGE)
+
+
+def number(call: str, name: str, value: float) -> float:
     """Return a finite number."""
-    result = _as_float(call, value)
+    try:
+        if isinstance(value, str):  # float() takes "1"
+            raise TypeError
+        result = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise wrong(call, name, f"{value!r} is not a number") from None
     if not math.isfinite(result):
-        raise ThumperError(f"{call}: pass finite numbers", exit_code=EXIT_USAGE)
+        raise wrong(call, name, f"{result} is not a finite number")
+    return result
+
+
+def between(call: str, name: str, value: float, low: float, high: float, unit: str) -> float:
+    """Return a number from `low` to `high`."""
+    result = number(call, name, value)
+    if not low <= result <= high:
+        raise wrong(call, name, f"choose {low:g}...{high:g} {unit}")
+    return result
+
+
+def above_zero(call: str, name: str, value: float, highest: float, unit: str) -> float:
+    """Return a number of more than 0 and up to `highest`."""
+    result = number(call, name, value)
+    if not 0.0 < result <= highest:
+        raise wrong(call, name, f"choose more than 0 and up to {highest:g} {unit}")
     return result
 
 
 def duration_s(call: str, value: float) -> float:
     """Return a duration of more than 0 and up to `MAX_DURATION_S`."""
-    result = _as_float(call, value)
-    if not 0.0 < result <= MAX_DURATION_S:  # also refuses nan
-        raise ThumperError(
-            f"{call}: choose a duration of more than 0 and up to {MAX_DURATION_S:g} s", exit_code=EXIT_USAGE
-        )
-    return result
+    return above_zero(call, "duration_s", value, MAX_DURATION_S, "s")
 
 
 def speed(call: str, name: str, value: float, highest: float) -> float:
     """Return a speed of more than 0 and up to the configured `highest`."""
-    result = number(call, value)
-    if not 0.0 < result <= highest:
-        raise ThumperError(
-            f"{name}: choose more than 0 and up to {highest:g} ([navigation.limits])", exit_code=EXIT_USAGE
-        )
-    return result
+    unit = "m/s" if name == "v_m_s" else "rad/s"
+    return above_zero(call, name, value, highest, f"{unit} ([navigation.limits] in the configuration)")
 
 
 def distance_m(call: str, value: float) -> float:
     """Return a distance other than 0, up to `MAX_DISTANCE_M`; negative is backward."""
-    result = number(call, value)
+    result = number(call, "distance_m", value)
     if not 0.0 < abs(result) <= MAX_DISTANCE_M:
-        raise ThumperError(
-            f"{call}: choose a distance other than 0 and up to {MAX_DISTANCE_M:g} m", exit_code=EXIT_USAGE
-        )
+        raise wrong(call, "distance_m", f"choose other than 0, and {MAX_DISTANCE_M:g} m at most")
     return result
 
 
@@ -61,62 +86,52 @@ def angle_rad(
     """
     if without_unit:
         value = f"{without_unit[0]!r}"
-        raise ThumperError(
-            f"{call}: {value} degrees or radians? Pass {name}deg={value} or {name}rad={value}",
-            exit_code=EXIT_USAGE,
-        )
+        raise wrong(call, value, f"degrees or radians? Pass {name}deg={value} or {name}rad={value}")
     if rad is not None and deg is not None:
-        raise ThumperError(f"{call}: pass {name}rad or {name}deg, not both", exit_code=EXIT_USAGE)
+        raise wrong(call, f"{name}rad, {name}deg", "pass only one of them")
     if deg is not None:
-        return math.radians(number(call, deg))
-    return None if rad is None else number(call, rad)
+        return math.radians(number(call, f"{name}deg", deg))
+    return None if rad is None else number(call, f"{name}rad", rad)
 
 
-def heading(call: str, rad: float) -> float:
-    """Return a heading of up to a turn."""
-    result = number(call, rad)
-    if abs(result) > math.tau:  # few scripts mean more than a turn, but many mean degrees
-        raise ThumperError(
-            f"{call}: a heading of {result:g} rad is more than a turn; write math.radians({result:g})",
-            exit_code=EXIT_USAGE,
-        )
+def heading_rad(
+    call: str, without_unit: Sequence[object], rad: float | None, deg: float | None
+) -> float | None:
+    """Return a heading of up to a turn, given in radians or in degrees; None if it is not given."""
+    result = angle_rad(call, without_unit, rad, deg, "heading_")
+    if rad is not None and result is not None and abs(result) > math.tau:  # many mean degrees
+        raise wrong(call, "heading_rad", f"{result:g} is more than a turn; pass heading_deg={result:g}")
     return result
 
 
-def places(call: str, values: object) -> tuple[tuple[float, ...], ...]:
-    """Return places (x_m, y_m) or (x_m, y_m, heading_rad)."""
-    try:
-        result = tuple(_place(call, *value) for value in values)  # type: ignore[attr-defined]
-    except TypeError as error:
-        raise ThumperError(
-            f"{call}: pass a list of places, such as [(1.0, 0.0), (1.0, 1.0)], each with a heading_rad if "
-            "you like",
-            exit_code=EXIT_USAGE,
-        ) from error
+def places(call: str, values: object) -> tuple[PatrolPlace, ...]:
+    """Return places: (x_m, y_m), (x_m, y_m, heading_rad), or a mapping of the arguments of `goto`."""
+    if not isinstance(values, Iterable) or isinstance(values, str | Mapping):
+        raise wrong(call, "places", "pass a list, such as [(1.0, 0.0), (1.0, 1.0)]")
+    result = tuple(_place(call, value) for value in values)
     if not result:
-        raise ThumperError(f"{call}: pass at least one place", exit_code=EXIT_USAGE)
-    for place in result:
-        check_place(f"{call}: the place", *place[:2])
+        raise wrong(call, "places", "pass at least one")
     return result
 
 
-def _place(call: str, x_m: float, y_m: float, *heading_rad: float) -> tuple[float, ...]:
-    if len(heading_rad) > 1:
-        raise TypeError
-    return number(call, x_m), number(call, y_m), *(heading(call, rad) for rad in heading_rad)
+def _place(call: str, value: object) -> PatrolPlace:
+    names = ("x_m", "y_m", "heading_rad")
+    if isinstance(value, Sequence) and not isinstance(value, str) and 2 <= len(value) <= len(names):
+        value = dict(zip(names, value, strict=False))
+    if not (isinstance(value, Mapping) and {"x_m", "y_m"} <= set(value) <= PLACE_KEYS):
+        problem = f"{value!r} is no place; pass (x_m, y_m), or dict(x_m=1.0, y_m=0.0, heading_deg=90)"
+        raise wrong(call, "places", problem)
+    place = PatrolPlace(
+        number(call, "x_m", value["x_m"]),
+        number(call, "y_m", value["y_m"]),
+        heading_rad(call, (), value.get("heading_rad"), value.get("heading_deg")),
+    )
+    check_place(f"{call}: places:", place.x_m, place.y_m)
+    return place
 
 
-def file_path(name: str, value: str | Path) -> Path:
+def file_path(call: str, name: str, value: str | Path) -> Path:
     """Return a file path."""
     if not isinstance(value, str | Path) or str(value) in ("", ".") or "\0" in str(value):
-        raise ThumperError(f"{name}: {value!r} is not a file path", exit_code=EXIT_USAGE)
+        raise wrong(call, name, f"{value!r} is not a file path")
     return Path(value)
-
-
-def _as_float(call: str, value: float) -> float:
-    try:
-        if isinstance(value, str):  # float() takes "1"
-            raise TypeError
-        return float(value)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ThumperError(f"{call}: {value!r} is not a number", exit_code=EXIT_USAGE) from error

@@ -13,7 +13,7 @@ the script takes; the next call reads what has waited in the ports. On exit, wha
 stop first.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
@@ -32,7 +32,7 @@ from thumper.maps.annotations import Annotations, annotations_path, load_annotat
 from thumper.maps.map_server_io import load_map, map_yaml_path, save_map
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.local_model import ObstaclePoints
-from thumper.navigation.goal import check_place
+from thumper.navigation.goal import Goal, check_place
 from thumper.robot import arguments
 from thumper.runtime.assembly import check_ports, collision_monitor, open_robot
 from thumper.runtime.drive import motions, tasks
@@ -42,7 +42,7 @@ from thumper.runtime.drive.waypoints import Waypoints
 from thumper.runtime.drive_log import DriveLog
 from thumper.runtime.drive_result import DriveResult
 from thumper.runtime.loop import RobotLoop
-from thumper.runtime.requests import parse_goal, parse_wait
+from thumper.runtime.requests import GOAL_TOLERANCE_M, MAX_WAIT_S
 from thumper.runtime.state_estimator import RobotState
 from thumper.slam.saved_state import SavedSlamState, load_session, save_session
 
@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from thumper.runtime.drive.docking import Docking
 
 NEAR_M, NEAR_RAD = 0.1, 0.1
+MAX_EXPLORE_MINUTES = 24 * 60
 DISARM_CYCLES = 3  # telemetry from before the disarming may still arrive
 
 
@@ -92,22 +93,15 @@ class Robot:
             An argument or the configuration is wrong, or there is no such port.
         """
         if not (isinstance(board, str) and isinstance(lidar, str)):
-            raise ThumperError(
-                'Robot: board and lidar are port names, such as "/dev/ttyUSB0"', exit_code=EXIT_USAGE
-            )
+            raise arguments.wrong("Robot", "board, lidar", 'pass names of ports, such as "/dev/ttyUSB0"')
         if not (start is None or isinstance(start, Pose2)):
-            raise ThumperError(
-                "Robot: start is a thumper.Pose2(x_m=, y_m=, theta_rad=)",
-                exit_code=EXIT_USAGE,
-            )
+            raise arguments.wrong("Robot", "start", "pass a thumper.Pose2(x_m=, y_m=, theta_rad=)")
         if start is not None:
-            check_place("Robot: start", start.x_m, start.y_m)
+            check_place("Robot: start:", start.x_m, start.y_m)
         if map and session:
-            raise ThumperError(
-                "Robot: map= keeps a map unchanged, session= resumes mapping: pass only one",
-                exit_code=EXIT_USAGE,
-            )
-        path = arguments.file_path
+            problem = "pass only one of them: a map stays as it is, a session continues to map"
+            raise arguments.wrong("Robot", "map, session", problem)
+        path = partial(arguments.file_path, "Robot")
         self._config = with_ports(
             load_config(path("config", config) if config else None), board=board, lidar=lidar
         )
@@ -203,7 +197,7 @@ class Robot:
         """
         angle_rad = arguments.angle_rad("turn", without_unit, rad, deg, "")
         if not angle_rad:
-            raise ThumperError("turn: pass an angle other than 0, such as deg=90", exit_code=EXIT_USAGE)
+            raise arguments.wrong("turn", "deg, rad", "choose other than 0, such as deg=90")
         limits = self._config.navigation.limits
         limits = replace(limits, w_max_rad_s=arguments.speed("turn", "w_rad_s", w_rad_s, limits.w_max_rad_s))
         heading_rad = self._reference().theta_rad
@@ -224,15 +218,14 @@ class Robot:
         ThumperError
             An invalid number, or the board has stopped the motors; the message says why.
         """
-        v_m_s, w_rad_s = arguments.number("drive", v_m_s), arguments.number("drive", w_rad_s)
+        v_max_m_s, w_max_rad_s = (
+            self._config.service.manual_v_max_m_s,
+            self._config.service.manual_w_max_rad_s,
+        )
+        where = "([service] in the configuration)"
+        v_m_s = arguments.between("drive", "v_m_s", v_m_s, -v_max_m_s, v_max_m_s, f"m/s {where}")
+        w_rad_s = arguments.between("drive", "w_rad_s", w_rad_s, -w_max_rad_s, w_max_rad_s, f"rad/s {where}")
         duration_s = arguments.duration_s("drive", duration_s)
-        limit = self._config.service
-        if abs(v_m_s) > limit.manual_v_max_m_s or abs(w_rad_s) > limit.manual_w_max_rad_s:
-            raise ThumperError(
-                f"drive: {v_m_s:g} m/s, {w_rad_s:g} rad/s is too fast; at most {limit.manual_v_max_m_s:g} m/s"
-                f" and {limit.manual_w_max_rad_s:g} rad/s ([service] in the configuration)",
-                exit_code=EXIT_USAGE,
-            )
         result = self._carry_out(tasks.cruise(Twist2(v_m_s=v_m_s, w_rad_s=w_rad_s), duration_s))
         if not result.reached:
             raise ThumperError(f"the drive ended early: {result.reason}")
@@ -256,18 +249,19 @@ class Robot:
         ThumperError
             Before anything moves: a goal in a wall or out of reach, a latched fault, an invalid number.
         """
-        numbers = {"x_m": x_m, "y_m": y_m, "tolerance_m": tolerance_m}
-        numbers = {name: arguments.number("goto", value) for name, value in numbers.items()}
-        if heading_rad is not None:
-            heading_rad = arguments.heading("goto", heading_rad)
-        yaw_rad = arguments.angle_rad("goto", without_unit, heading_rad, heading_deg, "heading_")
-        if yaw_rad is not None:
-            numbers["yaw_rad"] = yaw_rad
-        return self._carry_out(tasks.drive_to_goal(parse_goal(numbers)))
+        x_m, y_m = arguments.number("goto", "x_m", x_m), arguments.number("goto", "y_m", y_m)
+        check_place("goto: the goal", x_m, y_m)
+        goal = Goal(
+            x_m=x_m,
+            y_m=y_m,
+            theta_rad=arguments.heading_rad("goto", without_unit, heading_rad, heading_deg),
+            tolerance_m=arguments.between("goto", "tolerance_m", tolerance_m, *GOAL_TOLERANCE_M, "m"),
+        )
+        return self._carry_out(tasks.drive_to_goal(goal))
 
     def patrol(
         self,
-        places: Iterable[tuple[float, float] | tuple[float, float, float]],
+        places: Iterable[tuple[float, float] | tuple[float, float, float] | Mapping[str, float]],
         *,
         rounds: int = 1,
         tolerance_m: float = 0.1,
@@ -275,8 +269,8 @@ class Robot:
     ) -> DriveResult:
         """Drive to all places in turn, `rounds` times; end at the first that is not reached.
 
-        A place is (x_m, y_m), or (x_m, y_m, heading_rad). At each, wait for `wait_s`, motors off. To do
-        something else there, call `goto` in a loop.
+        A place is (x_m, y_m), (x_m, y_m, heading_rad), or dict(x_m=1.0, y_m=0.0, heading_deg=90). At each,
+        wait for `wait_s`, motors off. To do something else there, call `goto` in a loop.
 
         Raises
         ------
@@ -284,15 +278,14 @@ class Robot:
             As `goto`, for the first place.
         """
         if not isinstance(rounds, int) or rounds < 1:
-            raise ThumperError("patrol: choose 1 round or more", exit_code=EXIT_USAGE)
-        tolerance_m = arguments.number("patrol", tolerance_m)
+            raise arguments.wrong("patrol", "rounds", "choose 1 or more")
+        tolerance_m = arguments.between("patrol", "tolerance_m", tolerance_m, *GOAL_TOLERANCE_M, "m")
         goals = [
-            parse_goal(
-                dict(zip(("x_m", "y_m", "yaw_rad"), place, strict=False)) | {"tolerance_m": tolerance_m}
-            )
+            Goal(x_m=place.x_m, y_m=place.y_m, theta_rad=place.heading_rad, tolerance_m=tolerance_m)
             for place in arguments.places("patrol", places)
         ]
-        waypoints = Waypoints.at(*goals, rounds=rounds, wait_s=parse_wait(wait_s))
+        wait_s = arguments.between("patrol", "wait_s", wait_s, 0.0, MAX_WAIT_S, "s")
+        waypoints = Waypoints.at(*goals, rounds=rounds, wait_s=wait_s)
         return self._carry_out(tasks.follow_waypoints(waypoints))
 
     def explore(self, *, minutes: float = 15.0) -> DriveResult:
@@ -308,9 +301,7 @@ class Robot:
         from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer
         from thumper.runtime.drive.exploration import explore, home_at
 
-        limit_s = 60.0 * arguments.number("explore", minutes)
-        if not limit_s > 0.0:
-            raise ThumperError("explore: choose more than 0 minutes", exit_code=EXIT_USAGE)
+        limit_s = 60.0 * arguments.above_zero("explore", "minutes", minutes, MAX_EXPLORE_MINUTES, "minutes")
         home = home_at(self.pose)
         explorer = Explorer(ExplorationOptions(), self._config.footprint)
         task = explore(explorer, self._loop.map_and_pose, home, limit_s=limit_s)
@@ -436,7 +427,7 @@ class Robot:
         ThumperError
             It is not a path, or cannot be written.
         """
-        yaml_path = map_yaml_path(arguments.file_path("save_map", path))
+        yaml_path = map_yaml_path(arguments.file_path("save_map", "path", path))
         save_map(self.map, yaml_path)
         state = SavedSlamState.from_mapper(self._loop.mapper, self.pose)
         save_session(state, yaml_path.with_suffix(".session"))

@@ -15,7 +15,7 @@ class DriveResult:
     reason: str  # why the drive ended
     time_s: float  # duration of this drive
     path_length_m: float  # from the wheels
-    map_from_base: Pose2  # estimated pose at the end
+    pose: Pose2  # estimated, in the map, at the end
     navigation_failed: bool = False  # the navigator gave up the goal; no part of the robot failed
 
     def __repr__(self) -> str:

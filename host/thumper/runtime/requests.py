@@ -14,6 +14,7 @@ from thumper.maps.annotations import Annotations
 from thumper.navigation.goal import FARTHEST_M, Goal, check_place
 
 MAX_WAYPOINTS = 200
+GOAL_TOLERANCE_M = (0.02, 1.0)
 MAX_WAIT_S = 3600.0  # at a waypoint
 EARTH = ("latitude_deg", "longitude_deg")
 NO_DATUM = f"the map has no place on Earth: it needs a datum in its YAML, or [gps] and {DRIVE_TO_FIND_IT}"
@@ -46,7 +47,7 @@ def parse_goal(
     if set(numbers) != set(content) or not {"x_m", "y_m"} <= set(numbers) <= known:
         raise ThumperError("a goal has x_m, y_m and optionally yaw_rad and tolerance_m, all finite numbers")
     tolerance_m = numbers.get("tolerance_m", 0.1)
-    if not 0.02 <= tolerance_m <= 1.0:
+    if not GOAL_TOLERANCE_M[0] <= tolerance_m <= GOAL_TOLERANCE_M[1]:
         raise ThumperError("choose a goal tolerance of 0.02...1 m")
     check_place("the goal", numbers["x_m"], numbers["y_m"])
     return Goal(

@@ -65,7 +65,7 @@ def write_run(
     """Write map, session, annotations, two pictures and summary.json of one run; return the file names."""
     grid = mapper.grid()
     save_map(grid, folder / "map.yaml", datum)
-    save_session(SavedSlamState.from_mapper(mapper, result.map_from_base), folder / "map.session")
+    save_session(SavedSlamState.from_mapper(mapper, result.pose), folder / "map.session")
     zones = save_annotations(annotations, annotations_path(folder / "map.yaml"))
     picture = Figure(figsize=(8, 7), layout="constrained")
     axes = picture.subplots()
@@ -82,7 +82,7 @@ def write_run(
     picture = Figure(figsize=(9, 6), layout="constrained")
     draw_speeds(picture, speeds, "wheel speed control")
     save_figure(picture, folder / "speed_control.png", 130)
-    pose = result.map_from_base
+    pose = result.pose
     summary = {
         "reached": result.reached,
         "interrupted": result.interrupted,

@@ -187,7 +187,7 @@ class LegRun:
             reason=outcome.reason,
             time_s=state.time_s - begun.time_s if state and begun else 0.0,
             path_length_m=estimator.driven_m - begun.driven_m if begun else 0.0,
-            map_from_base=state.map_from_base if state else Pose2(),
+            pose=state.map_from_base if state else Pose2(),
             navigation_failed=outcome.navigation_failed,
         )
 

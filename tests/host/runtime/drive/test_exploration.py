@@ -97,7 +97,7 @@ def result(
         reason=reason,
         time_s=10.0,
         path_length_m=1.0,
-        map_from_base=Pose2(),
+        pose=Pose2(),
         navigation_failed=failed,
     )
 

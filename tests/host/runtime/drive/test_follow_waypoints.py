@@ -29,7 +29,7 @@ def driver(fails: Callable[[Goal], bool], seen: list[str]) -> Callable[[AnyLeg],
             reason="the door is shut" if fails(leg.goal) else "at the goal",
             time_s=5.0,
             path_length_m=1.5,
-            map_from_base=Pose2(x_m=leg.goal.x_m, y_m=leg.goal.y_m),
+            pose=Pose2(x_m=leg.goal.x_m, y_m=leg.goal.y_m),
         )
 
     return drive
@@ -45,7 +45,7 @@ def test_patrol_drives_every_waypoint_in_every_round() -> None:
     assert seen == [f"waypoint {n} of 2, round {lap} of 2" for lap in (1, 2) for n in (1, 2)]
     assert result.reached
     assert (result.time_s, result.path_length_m) == (20.0, 6.0)
-    assert result.map_from_base == Pose2(y_m=1.0)
+    assert result.pose == Pose2(y_m=1.0)
 
 
 def test_first_failure_ends_the_drive_and_is_named() -> None:

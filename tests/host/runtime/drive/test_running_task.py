@@ -12,7 +12,7 @@ from thumper.runtime.drive_result import DriveResult
 
 A, B = Leg(goal=Goal(x_m=1.0, y_m=0.0)), Leg(goal=Goal(x_m=2.0, y_m=0.0))
 REACHED = DriveResult(
-    reached=True, interrupted=False, reason="there", time_s=10.0, path_length_m=1.0, map_from_base=Pose2()
+    reached=True, interrupted=False, reason="there", time_s=10.0, path_length_m=1.0, pose=Pose2()
 )
 
 
