@@ -116,7 +116,7 @@ def options_page() -> str:
         NOTE,
         "# All options\n",
         "Every key with its values, default and effect. [Configuration]"
-        "(../config.md#where-each-table-is-explained) lists the page that explains each table. The suffix of "
+        "(config.md#where-each-table-is-explained) lists the page that explains each table. The suffix of "
         "a name is its unit (`_m`, `_s`, `_rad`, `_deg`, `_V`, `_Hz`, `_m_s` for m/s, ...).\n",
     ]
     for table, rows in _tables(RobotConfig, "", RobotConfig()):

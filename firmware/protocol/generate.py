@@ -1,4 +1,4 @@
-"""Write the C++ header, the Python codec and docs/protocol.md from messages.toml.
+"""Write the C++ header, the Python codec and docs/reference/protocol.md from messages.toml.
 
 Run `python firmware/protocol/generate.py` after editing messages.toml. `--check` writes nothing and
 fails if a file is stale.
@@ -22,7 +22,7 @@ SCHEMA = HERE / "messages.toml"
 OUTPUTS = {
     "messages.hpp.jinja": REPO / "firmware/core/messages.hpp",
     "messages.py.jinja": REPO / "host/thumper/board/messages.py",
-    "protocol.md.jinja": REPO / "docs/protocol.md",
+    "protocol.md.jinja": REPO / "docs/reference/protocol.md",
 }
 # Names of enums in Python that differ from the schema's, which the hash covers: `Board` is the driver there.
 PYTHON_ENUMS = {"Board": "BoardModel"}

@@ -1,4 +1,4 @@
-// Frames on the wire, as in docs/protocol.md: COBS(id, sequence, payload, CRC-16) and a zero byte.
+// Frames on the wire, as in docs/reference/protocol.md: COBS(id, sequence, payload, CRC-16) and a zero byte.
 
 const MAX_ENCODED_BYTES = 128;
 

@@ -114,7 +114,7 @@ def test_labels_of_a_drawing_touch_nothing(browser: Browser, name: str) -> None:
 def test_button_of_a_transcript_copies_its_commands_only(browser: Browser, pages: Path) -> None:
     context = browser.new_context(permissions=["clipboard-read", "clipboard-write"])
     page = context.new_page()
-    page.goto((pages / "flashing.html").as_uri())
+    page.goto((pages / "howto/flashing.html").as_uri())
     block = page.locator(".language-console").first
     expect(block).to_contain_text("written and verified")
     block.hover()
@@ -173,7 +173,7 @@ def test_text_and_pictures_can_be_read(browser: Browser, site: Path, name: str, 
     page.close()
 
 
-@pytest.mark.parametrize("name", ["notebooks/tuning.html", "notebooks/exercises.html", "operate.html"])
+@pytest.mark.parametrize("name", ["notebooks/tuning.html", "notebooks/exercises.html", "howto/operate.html"])
 def test_wide_formulas_and_commands_scroll_on_a_phone(browser: Browser, pages: Path, name: str) -> None:
     page = browser.new_page(viewport={"width": 390, "height": 844})
     page.goto((pages / name).as_uri())

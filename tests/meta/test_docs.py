@@ -24,7 +24,7 @@ def test_links_exist(page: Path) -> None:
 
 
 def test_example_configuration_is_the_default(tmp_path: Path) -> None:
-    text = (ROOT / "docs" / "config.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "reference" / "config.md").read_text(encoding="utf-8")
     block = re.search(r"```toml\n(.*?)```", text, re.DOTALL)
     assert block is not None
     path = tmp_path / "robot.toml"
@@ -63,7 +63,7 @@ def test_the_menu_has_the_headings_of_the_pages() -> None:
 def test_operators_guide_lists_every_topic() -> None:
     rows = [
         line
-        for line in (ROOT / "docs" / "bus.md").read_text(encoding="utf-8").splitlines()
+        for line in (ROOT / "docs" / "reference" / "bus.md").read_text(encoding="utf-8").splitlines()
         if line.startswith("| `")
     ]
     for name, topic in TOPICS.items():

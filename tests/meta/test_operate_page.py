@@ -11,7 +11,9 @@ from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.requests import COMMANDS
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGE = "\n\n".join((DOCS / name).read_text(encoding="utf-8") for name in ("bus.md", "operate.md"))
+PAGE = "\n\n".join(
+    (DOCS / name).read_text(encoding="utf-8") for name in ("reference/bus.md", "howto/operate.md")
+)
 
 
 def rows(head: str) -> list[list[str]]:

@@ -12,7 +12,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 @pytest.mark.parametrize(
-    ("page", "options"), [("recording.md", RecordingOptions), ("teleop.md", TeleopOptions)]
+    ("page", "options"), [("howto/recording.md", RecordingOptions), ("howto/teleop.md", TeleopOptions)]
 )
 def test_page_lists_every_option_with_its_default(page: str, options: type) -> None:
     rows = {

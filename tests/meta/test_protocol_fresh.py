@@ -15,7 +15,7 @@ def test_generated_files_are_fresh() -> None:
 
 def test_check_finds_a_changed_schema(tmp_path: Path) -> None:
     """In a copy of the tree with a changed schema, `--check` fails, names the files and writes nothing."""
-    names = ("firmware/core/messages.hpp", "host/thumper/board/messages.py", "docs/protocol.md")
+    names = ("firmware/core/messages.hpp", "host/thumper/board/messages.py", "docs/reference/protocol.md")
     sources = [path.relative_to(REPO).as_posix() for path in GENERATE.parent.iterdir() if path.is_file()]
     for name in (*names, *sources):
         target = tmp_path / name

@@ -187,7 +187,7 @@ class Bench:
         self._wait_for_real_time()
 
     def fault(self, name: str, value: FaultValue) -> None:
-        """Set or clear a fault, e.g. `bench.fault("encoder.left.b", "cut")`; docs/bench.md lists all.
+        """Set or clear a fault, e.g. `bench.fault("encoder.left.b", "cut")`; docs/howto/bench.md lists all.
 
         Raises
         ------

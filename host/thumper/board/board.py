@@ -207,7 +207,7 @@ class Board:
             raise ThumperError("the board did not confirm the emergency stop; cut its power if it moves")
 
     def set_parameter(self, name: str, value: float) -> None:
-        """Set a parameter, in the unit that `docs/protocol.md` lists. The board checks the range, too."""
+        """Set a parameter, in the unit that the protocol lists. The board checks the range, too."""
         spec = parameter_named(name)
         what = f"parameter {name} = {value:g} (allowed {spec.minimum:g}...{spec.maximum:g} {spec.unit})"
         try:
@@ -216,7 +216,7 @@ class Board:
             raise ThumperError(f"refused {what}: {REFUSAL_REASONS[AckStatus.OUT_OF_RANGE]}") from None
 
     def get_parameter(self, name: str) -> float:
-        """Return a parameter's current value, in the unit that `docs/protocol.md` lists."""
+        """Return a parameter's current value, in the unit that `docs/reference/protocol.md` lists."""
         spec = parameter_named(name)
         for _ in range(REQUEST_TRIES):
             reply, _ = self._request(GetParameter(index=spec.index), ParameterValue)

@@ -58,8 +58,8 @@ class SimulatorPanel:
         self._active = ui.html("", tag="p", sanitize=False).classes("tp-active-faults")
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
         inline(
-            '<p class="tp-hint">A fault stays active until you set it to ok. <code>docs/bench.md</code> '
-            "describes every fault.</p>"
+            '<p class="tp-hint">A fault stays active until you set it to ok. '
+            "<code>docs/howto/bench.md</code> describes every fault.</p>"
         )
         self._on_fault_selected()
         ui.timer(POLL_PERIOD_S, self._poll, immediate=True)

@@ -34,10 +34,10 @@ class QueryClient(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Service(Generic[RequestT, ReplyT]):
-    """One query. The texts in `Annotated` fields of its types describe them in docs/bus.md."""
+    """One query. The texts in `Annotated` fields of its types describe them in docs/reference/bus.md."""
 
     name: str
-    summary: str  # what it does, for docs/bus.md
+    summary: str  # what it does, for docs/reference/bus.md
     request: type[RequestT] | None  # None: the JSON object has other keys than fields, see `request_doc`
     request_doc: str = ""
     reply: type[ReplyT]
@@ -75,7 +75,7 @@ class Service(Generic[RequestT, ReplyT]):
         return self.reply(**{name: answer[name] for name in names})
 
     def row(self) -> list[str]:
-        """Return the cells of its row in docs/bus.md: name, summary, request, reply."""
+        """Return the cells of its row in docs/reference/bus.md: name, summary, request, reply."""
         request = self.request_doc if self.request is None else _described(self.request)
         return [f"`{self.name}`", self.summary, request, _described(self.reply)]
 

@@ -2,7 +2,7 @@
 
 On the bus a service is a query at `thumper/<robot>/ask/<name>` whose payload and answer are JSON objects. The
 bus checks requests by this table, the robot's request handler dispatches by it, and clients call through it.
-docs/bus.md lists it; a test keeps both alike.
+docs/reference/bus.md lists it; a test keeps both alike.
 """
 
 import types
@@ -266,7 +266,7 @@ ANNOTATION_REMOVE = Service(
 )
 LIBRARY_LIST = Service(
     name="library/list",
-    summary="lists the maps and recordings in the robot's [library](recording.md#library)",
+    summary="lists the maps and recordings in the robot's [library](../howto/recording.md#library)",
     request=Empty,
     reply=LibraryContent,
 )
@@ -316,7 +316,7 @@ SIMULATOR_COMMAND: Service[Mapping[str, Any], Text] = Service(
 )
 EXPERIMENT_START = Service(
     name="experiment/start",
-    summary="starts one of the dashboard's [experiments](dashboard.md#tune)",
+    summary="starts one of the dashboard's [experiments](../howto/dashboard.md#tune)",
     request=StartExperiment,
     reply=Text,
 )

@@ -63,7 +63,7 @@ def driving_robot() -> InstrumentedChip:
 
 
 def test_the_boot_loader_drives_only_its_led_pin() -> None:
-    """Its LED is on D13, so an encoder wire on that pin needs the 1 kohm of docs/firmware.md."""
+    """Its LED is on D13, so an encoder wire on that pin needs the 1 kohm of docs/explanation/firmware.md."""
     chip = chip_with_program(ELF)
     driven = set()
     for _ in range(round(0.9 * BOOT_S / 0.001)):

@@ -33,7 +33,7 @@ EXCHANGED: dict[str, tuple[tuple[str, str], ...]] = {
 TURN_US, SHALLOW_US = (
     1_300_000,
     2_200_000,
-)  # measured: up to 1.2 and 2.1 s (docs/porting.md); a tick of margin
+)  # measured: up to 1.2 and 2.1 s (docs/howto/porting.md); a tick of margin
 
 
 @pytest.fixture(scope="module", params=EXCHANGED)

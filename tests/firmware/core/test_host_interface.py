@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.firmware.core.host_interface import HostInterface, frame, read_frames
 from thumper.board import messages as m
 
-DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "firmware.md"
+DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "explanation" / "firmware.md"
 
 
 @pytest.fixture

@@ -67,7 +67,7 @@ void Quadrature() {
 enum Mode { kOff, kLoop, kManual, kFault };  // as in the safety case, in the wire's order
 constexpr int kNone = 0, kLink = 1, kLow = 2, kEStop = 3;
 
-/// The state table and the order of faults, as docs/firmware.md states them.
+/// The state table and the order of faults, as docs/explanation/firmware.md states them.
 struct Model {
   int mode = kOff, fault = kNone;
 

@@ -34,7 +34,7 @@ def test_invalid_scenario_is_reported_in_one_line(tmp_path: Path, text: str, wor
 
 
 def test_documentation_lists_every_fault() -> None:
-    text = (Path(__file__).resolve().parents[3] / "docs" / "bench.md").read_text()
+    text = (Path(__file__).resolve().parents[3] / "docs" / "howto" / "bench.md").read_text()
     for name in FAULTS:
         family, _, rest = name.partition(".")
         short = {

@@ -10,7 +10,7 @@ PARAMETER_SPECS = {spec.name: spec for spec in PARAMETERS}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoardGains:
-    """The board's control parameters in their own units (docs/protocol.md), rounded to its fixed point."""
+    """The board's control parameters in their own units (docs/reference/protocol.md), in its fixed point."""
 
     kp: float
     ki: float
