@@ -212,6 +212,20 @@ def test_the_title_names_only_a_robot_that_has_a_name(page: Page) -> None:
     assert page_title("rover") == "rover · Thumper"
 
 
+def test_the_costmap_fades_at_its_edge(page: Page) -> None:
+    alphas = page.evaluate("""async () => {
+      const view = document.querySelector('.tp-map').mapView;
+      const grid = new view.grids.map.constructor('local_costmap');
+      grid.clear({ rows: 60, columns: 80 });
+      grid.cells.fill(101);
+      grid.paint(0, 0, 60, 80);
+      const { data } = grid.canvas.getContext('2d').getImageData(0, 30, 80, 1);
+      return [0, 5, 40, 79].map((column) => data[4 * column + 3]);
+    }""")
+    assert 0 < alphas[0] < alphas[1] < alphas[2]
+    assert alphas[3] == alphas[0]
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_the_costmap_leaves_walls_as_they_are(page: Page, scheme: Literal["light", "dark"]) -> None:
     page.emulate_media(color_scheme=scheme)

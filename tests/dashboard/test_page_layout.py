@@ -82,6 +82,18 @@ def test_low_screen_shows_everything(page: Page, robot: FakeRobot) -> None:
     assert cut == []  # each legend is complete
 
 
+def test_the_tools_take_one_column_and_the_map_most_of_the_height(page: Page) -> None:
+    for width_px, height_px in ((1440, 900), (1024, 768)):
+        page.set_viewport_size({"width": width_px, "height": height_px})
+        lefts_px = page.locator(".tp-toolbar button:visible").evaluate_all(
+            "all => all.map((one) => one.getBoundingClientRect().left)"
+        )
+        assert len(set(lefts_px)) == 1, width_px
+        map_box = page.locator(".tp-mapbox").bounding_box()
+        assert map_box is not None
+        assert map_box["height"] > 0.45 * height_px, width_px
+
+
 def test_map_has_legend_and_mouse_position(page: Page) -> None:
     page.click("[data-tool=layers]")
     swatches = page.locator(".tp-layers label i")

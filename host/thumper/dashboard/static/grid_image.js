@@ -33,6 +33,14 @@ function costPalette() {
   return table;
 }
 
+const FADE_CELLS = 12; // a costmap ends in the middle of a room: its colours fade there
+
+// The share of a cell's opacity by its distance from the edge of the grid.
+function fade(row, column, { rows, columns }) {
+  const distance = Math.min(row, column, rows - 1 - row, columns - 1 - column) + 1;
+  return Math.min(1, distance / FADE_CELLS);
+}
+
 const PALETTES = { map: mapPalette, local_costmap: costPalette };
 
 function newCanvas(width, height) {
@@ -53,6 +61,7 @@ export class GridImage {
   // `name` chooses the palette.
   constructor(name) {
     this.palette = PALETTES[name];
+    this.fades = name === "local_costmap";
     this.info = null; // position and size, once drawn
     this.drawn = Promise.resolve(); // once all that was added is drawn
   }
@@ -96,6 +105,13 @@ export class GridImage {
         bounds.right = Math.max(bounds.right, column + i + 1);
         bounds.bottom = Math.min(bounds.bottom, row + k);
         bounds.top = Math.max(bounds.top, row + k + 1);
+      }
+    }
+    if (this.fades) {
+      for (let k = 0; k < rows; k += 1) {
+        for (let i = 0; i < columns; i += 1) {
+          image.data[4 * ((rows - 1 - k) * columns + i) + 3] *= fade(row + k, column + i, info);
+        }
       }
     }
     this.canvas.getContext("2d").putImageData(image, column, info.rows - row - rows);

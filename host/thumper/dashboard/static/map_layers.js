@@ -27,16 +27,11 @@ export function drawGrid(context, camera, { canvas, info }) {
   context.restore();
 }
 
-// A dashed edge and a label: the grid ends there, the room does not.
-export function drawGridEdge(context, camera, { info }, text) {
+// A label: the grid ends there, the room does not. Its colours fade at the edge.
+export function drawGridLabel(context, camera, { info }, text) {
   const [x, y] = info.origin;
   const [left, top] = camera.toScreen(x, y + info.rows * info.resolution_m);
-  context.strokeStyle = context.fillStyle = colour("muted");
-  context.lineWidth = 1;
-  context.setLineDash([4, 4]);
-  context.strokeRect(left, top, info.columns * info.resolution_m * camera.scale,
-    info.rows * info.resolution_m * camera.scale);
-  context.setLineDash([]);
+  context.fillStyle = colour("muted");
   context.font = "11px Roboto, sans-serif";
   const at = [Math.max(left, 0) + 4, Math.max(top, 0) + 12];
   context.strokeStyle = colour("map-unknown"); // readable on every cost
