@@ -13,6 +13,7 @@ from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.slam.grid.grid_matcher import GridMatcher, Match, Prediction
 from thumper.slam.grid.growing_grid import HitGrid
+from thumper.slam.grid.isolated_hits import without_isolated_hits
 from thumper.slam.grid.kidnap_detector import KidnapDetector
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.grid.slide_detector import SlideDetector
@@ -45,9 +46,10 @@ class GridMapper:
         self._odom_from_base: Pose2 | None = None  # at the newest scan
         self._map_from_odom = Pose2()
         self._inserted_at: Pose2 | None = None  # pose of the newest inserted scan
+        self._all_inserted_at: Pose2 | None = None  # of the newest one inserted with its isolated hits
         self._path = array("d")  # x, y, theta of each scan in turn, compact: a robot runs for days
         self._covariance = PoseCovariance(self._options.confidence)
-        self.points: ScanPoints | None = None  # of the newest scan
+        self.points: ScanPoints | None = None  # of the newest scan, as inserted
         self._kidnap = KidnapDetector(self._options.integrate_distance_m, self._options.integrate_angle_rad)
         self._slide = SlideDetector(self._options.confidence.lost_beyond_m)
         self.hit_grid = HitGrid(
@@ -86,7 +88,8 @@ class GridMapper:
         """Continue in another map, where the robot is at `map_from_base` and a scan was just inserted."""
         if self._odom_from_base is not None:
             self._map_from_odom = map_from_base @ self._odom_from_base.inverse()
-        self.hit_grid, self._pose, self._inserted_at = hit_grid, map_from_base, map_from_base
+        self.hit_grid, self._pose = hit_grid, map_from_base
+        self._inserted_at = self._all_inserted_at = map_from_base
 
     def trust_pose(self) -> None:
         """Forget that the match slid: a loop closure has found the pose."""
@@ -124,6 +127,7 @@ class GridMapper:
         matcher.search_window(points.hits_m, Pose2())
         matcher.search_headings(points.hits_m, Pose2(), 1.0, 1.0)
         matcher.evidence(points, Pose2())
+        without_isolated_hits(points)
         options = self._options
         hit_grid = HitGrid.from_counts(
             scratch.counts(), options.resolution_m, options.reach_m, options.occupied_fraction
@@ -194,6 +198,12 @@ class GridMapper:
         )
 
     def _insert(self, points: ScanPoints, pose: Pose2) -> None:
+        """Insert a scan: isolated hits only where those inserted before are beyond the matcher's reach."""
+        last, options = self._all_inserted_at, self._options
+        if last is None or is_beyond(pose, last, options.reach_m, options.integrate_angle_rad):
+            self._all_inserted_at = pose
+        else:
+            self.points = points = without_isolated_hits(points)
         self.hit_grid.insert(pose, points)
         self._inserted_at = pose
 
