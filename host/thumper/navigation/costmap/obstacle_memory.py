@@ -152,6 +152,8 @@ class ObstacleMemory:
         return np.asarray(evidence[kept] == Evidence.SEEN)
 
     def _keep(self, kept: NDArray[np.bool_]) -> None:
+        if kept.all():
+            return
         self._points_m, self._times_s = self._points_m[kept], self._times_s[kept]
         self._seen_at_m = self._seen_at_m[kept]
         self._silent, self._looked_from_m = self._silent[kept], self._looked_from_m[kept]

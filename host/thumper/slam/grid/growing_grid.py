@@ -62,10 +62,10 @@ class Scratch:
 class HitGrid:
     """Hit and miss counts on a grid fixed to the map frame, and the distances to its occupied cells.
 
-    `corner_m` is the map's (x, y) at the corner of cell [0, 0]. It moves by whole cells when the map grows.
-    Only patches where beams have been take memory. Without `distances` the grid cannot be matched against,
-    and a cell takes two bytes instead of three. With `deferred` ones, scans change the counts alone, in half
-    the time, until `add_distances` has added them.
+    Distances are cut off at `max_distance_m`. `corner_m` is the map's (x, y) at the corner of cell [0, 0]. It
+    moves by whole cells when the map grows. Only patches where beams have been take memory. Without
+    `distances` the grid cannot be matched against, and a cell takes two bytes instead of three. With
+    `deferred` ones, scans change the counts alone, in half the time, until `add_distances` has added them.
     """
 
     def __init__(
@@ -79,6 +79,7 @@ class HitGrid:
         """Start without cells. Distances are cut off at `max_distance_m`, at most 127 cells."""
         self.resolution_m = resolution_m
         self.max_distance_cells = max(1, min(127, round(max_distance_m / resolution_m)))
+        self.max_distance_m = float(np.float32(self.max_distance_cells * resolution_m))
         self.occupied_fraction = occupied_fraction
         levels = squared_distances(self.max_distance_cells)
         self._rule = insertion_rule(levels, self.max_distance_cells, occupied_fraction)
@@ -135,22 +136,16 @@ class HitGrid:
         )
 
     @property
-    def max_distance_m(self) -> float:
-        """Cut-off of the distance field [m]."""
-        return float(np.float32(self.max_distance_cells * self.resolution_m))
-
-    @property
     def field(self) -> PatchField:
         """The distance field, for the matching kernels. Valid until the next insertion."""
-        row, col = self.cells.row, self.cells.col
+        row, col = self._first_row % SIDE, self._first_col % SIDE
         level, size_m = self._pool.distance, self.resolution_m
         return PatchField(self._table, level, self._metres, row, col, self.shape, size_m, self.max_distance_m)
 
     @property
     def cells(self) -> PatchGrid:
         """The counts, for kernels. Valid until the next insertion."""
-        row, col = SIDE * (self._first_row // SIDE), SIDE * (self._first_col // SIDE)
-        return PatchGrid(self._table, self._pool, self._first_row - row, self._first_col - col)
+        return PatchGrid(self._table, self._pool, self._first_row % SIDE, self._first_col % SIDE)
 
     @property
     def hits(self) -> CountArray:

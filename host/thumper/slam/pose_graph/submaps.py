@@ -142,11 +142,12 @@ class SubmapGraph:
         submap = self.newest - 1
         if submap < 1:
             return
-        old = [s for s in near if s < submap and self.path_length_m(s, submap) > 4.0 * SUBMAP_LENGTH_M]
-        if not old:
+        old = np.array([s for s in near if s < submap], dtype=np.int64)
+        old = old[self.path_lengths_m(old, submap) > 4.0 * SUBMAP_LENGTH_M]
+        if not old.size:
             return
         apart_m = np.hypot(*(self.poses[old, :2] - self.poses[submap, :2]).T)
-        nearest = old[int(np.argmin(apart_m))]
+        nearest = int(old[np.argmin(apart_m)])
         if apart_m.min() < NEIGHBOUR_DISTANCE_M and self.agreement(nearest, submap) >= accept_score:
             self.connect(nearest, submap, self.pose(nearest).inverse() @ self.pose(submap), loop=True)
 
