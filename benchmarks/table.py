@@ -26,6 +26,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
     "firmware": ("",),
     "link_noise": ("--frames 100000",),
     "sim": ("",),
+    "campaign": ("",),
     "sim_validation": ("",),
     "raycast": ("",),
     "lidar_noise": ("",),
@@ -60,7 +61,7 @@ BENCHMARKS: dict[str, tuple[str, ...]] = {
 """The options of each run, in the order of the table."""
 AREAS: dict[str, tuple[str, tuple[str, ...]]] = {
     "firmware": ("Firmware and serial link", ("firmware", "link_noise")),
-    "simulator": ("Simulator", ("sim", "sim_validation", "raycast", "lidar_noise")),
+    "simulator": ("Simulator", ("sim", "campaign", "sim_validation", "raycast", "lidar_noise")),
     "wheels": ("Wheels and odometry", ("tuning", "drive_train", "slip", "gyroscope")),
     "mapping": (
         "Mapping",
