@@ -13,7 +13,7 @@ from thumper.navigation.controllers.goal_checker import NEAR_ENOUGH
 from thumper.navigation.controllers.tight_passage import PoseSequenceFollower
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.goal_poses import goal_poses, has_turning_room
+from thumper.navigation.planners.goal_poses import has_turning_room, search_goal_poses
 from thumper.navigation.speed_limits import is_still
 
 BEGIN_M = 0.8  # from the goal
@@ -77,18 +77,15 @@ class GoalManoeuvre:
         self._stopping = True
         return ControlResult(command=Twist2())
 
-    def _begin(self, request: ControlRequest, goal: Goal) -> ControlResult | None:
-        """Choose the poses, and begin to plan the way."""
+    def _begin(self, request: ControlRequest, goal: Goal) -> ControlResult:
+        """Begin to search the poses and the way."""
         self._stopping, self._blocked, self.place = False, 0, ""
         self._wanted = False
         self._attempts += 1
         self._failed_m, self._cycles = goal.distance_m(request.map_from_base), 0
         costmap = request.fine_costmap() if request.fine_costmap else request.costmap
-        found = goal_poses(costmap, self._footprint, goal)
-        if len(found.poses) == 0:
-            return None
-        self._follower.plan_to(request, found.poses, found.costs_m)
-        return self._plan(request, goal)
+        self._follower.plan_to(request, costmap, search_goal_poses(costmap, self._footprint, goal))
+        return ControlResult(command=Twist2())
 
     def _plan(self, request: ControlRequest, goal: Goal) -> ControlResult | None:
         started = self._follower.advance()

@@ -12,7 +12,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
-from thumper.common.resumable import Search, SlicedSearch
+from thumper.common.resumable import Search, SlicedSearch, merged
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
 from thumper.navigation.controllers.rotate_in_place import (
     SLOWEST_TURN_RAD_S,
@@ -24,6 +24,7 @@ from thumper.navigation.controllers.stopping_check import braking_distance_s, si
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
+from thumper.navigation.planners.goal_poses import GoalPoses
 from thumper.navigation.planners.lattice import LatticePlanner
 from thumper.navigation.planners.polyline import arc_lengths
 from thumper.navigation.speed_limits import SpeedLimits, step_toward, stoppable_speed
@@ -40,6 +41,7 @@ NEAR_M = 0.3  # the robot backs straight to a pose nearer than this
 SPARE_M = 0.02  # more room than usual beside a straight way that the search did not choose
 MOST_ERROR_RAD = 0.15  # beside obstacles the robot turns on the spot if its heading is further off
 BEND_RAD = 0.02  # a step that turns by less is straight
+GOAL_POSE_SETS = 2  # sets of headings at the goal that are checked in one cycle
 MAX_OFFSET_M = 0.08  # a robot further from its poses gives them up
 
 
@@ -103,24 +105,25 @@ class PoseSequenceFollower:
                 self._lattice.search_poses(costmap, request.map_from_base, goal, known_ground=True)
             )
 
-    def plan_to(self, request: ControlRequest, ends: FloatArray, end_costs_m: FloatArray) -> None:
-        """Begin to plan poses that lead exactly to one of the ends; see `LatticePlanner.search_poses_to`."""
+    def plan_to(self, request: ControlRequest, costmap: Costmap, ends: Search[GoalPoses]) -> None:
+        """Begin to plan poses that lead exactly to one of the ends; see `LatticePlanner.search_poses_to`.
+
+        `costmap` is the one in which the ends are searched, in cells as fine as the request's or finer.
+        """
         self.active, self._passage_only, self._whole = False, False, True
-        costmap = request.pose_costmap or request.costmap
-        fine = request.fine_costmap() if request.fine_costmap else costmap
-        self._search.start(self._direct_poses(request, costmap, fine, ends, end_costs_m))
+        self._search.start(self._direct_poses(request, costmap, merged(ends, GOAL_POSE_SETS)))
 
     def _direct_poses(
-        self,
-        request: ControlRequest,
-        costmap: Costmap,
-        fine: Costmap,
-        ends: FloatArray,
-        end_costs_m: FloatArray,
+        self, request: ControlRequest, fine: Costmap, ends: Search[GoalPoses]
     ) -> Search[FloatArray]:
         """Return poses to one of the ends: straight as far as that is free, then as planned."""
+        costmap = request.pose_costmap or request.costmap
+        found = yield from ends
+        if len(found.poses) == 0:
+            return found.poses
+        yield
         base = request.map_from_base
-        poses: FloatArray = yield from self._lattice.search_poses_to(costmap, fine, base, ends, end_costs_m)
+        poses: FloatArray = yield from self._lattice.search_poses_to(costmap, fine, base, *found)
         if len(poses) == 0:
             return poses
         direct: FloatArray = np.array(((*poses[0, :2], base.theta_rad), poses[0]))  # a turn on the spot

@@ -7,6 +7,7 @@ import numpy as np
 
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
+from thumper.common.resumable import Search, run_to_end
 from thumper.navigation.costmap.costmap import Costmap
 from thumper.navigation.costmap.footprint_collision import CollisionGrid, is_free
 from thumper.navigation.footprint import Footprint
@@ -51,7 +52,7 @@ def has_turning_room(costmap: Costmap, footprint: Footprint, goal: Goal) -> bool
     return room_m > footprint.circumscribed_radius_m + 0.5 * goal.tolerance_m
 
 
-def goal_poses(costmap: Costmap, footprint: Footprint, goal: Goal) -> GoalPoses:
+def search_goal_poses(costmap: Costmap, footprint: Footprint, goal: Goal) -> Search[GoalPoses]:
     """Return the poses within the tolerances of the goal at which the footprint is free."""
     reach_m = (1.0 - EDGE_FRACTION) * goal.tolerance_m
     step_m = max(STEP_M, reach_m / 8.0)
@@ -75,7 +76,13 @@ def goal_poses(costmap: Costmap, footprint: Footprint, goal: Goal) -> GoalPoses:
             least_m = float(costs_m[free].min())
             ranked = np.flatnonzero(free)[np.argsort(costs_m[free], kind="stable")][:MOST_POSES]
             best = GoalPoses(poses[ranked], DISTANCE_WEIGHT * costs_m[ranked])
+        yield
     return best
+
+
+def goal_poses(costmap: Costmap, footprint: Footprint, goal: Goal) -> GoalPoses:
+    """Run `search_goal_poses` at once."""
+    return run_to_end(search_goal_poses(costmap, footprint, goal))
 
 
 def _headings_rad(goal: Goal) -> list[tuple[float, FloatArray]]:

@@ -146,6 +146,7 @@ class LatticePlanner:
             return np.empty((0, 3))
         cell_m = costmap.resolution_m
         potential = yield from search_dijkstra(cells, found.start, -1, False, FAR_MARGIN)
+        yield
         starts = ends.copy()
         starts[:, :2] = (ends[:, :2] - costmap.origin_m) / cell_m
         problem = LatticeProblem(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from thumper.common.geometry import Pose2, Twist2
+from thumper.common.resumable import Search
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.controllers.controller import ControlRequest, ControlResult
 from thumper.navigation.controllers.goal_manoeuvre import BLOCKED_CYCLES, GoalManoeuvre
@@ -11,6 +12,7 @@ from thumper.navigation.controllers.tight_passage import PoseSequenceFollower, T
 from thumper.navigation.costmap.costmap import CostmapOptions, build_costmap
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
+from thumper.navigation.planners.goal_poses import GoalPoses
 from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
 from thumper.navigation.speed_limits import SpeedLimits
@@ -92,8 +94,13 @@ def test_motion_under_way_is_not_refused(follower: PoseSequenceFollower) -> None
 
 def test_robot_off_its_heading_turns_on_the_spot(follower: PoseSequenceFollower) -> None:
     """Beside a wall a correction on the way would bring a corner into it."""
-    ends = np.array(((0.7, -0.2, 0.0),))
-    follower.plan_to(request_at(Pose2(y_m=-0.2)), ends, np.zeros(1))
+
+    def end() -> Search[GoalPoses]:
+        yield
+        return GoalPoses(np.array(((0.7, -0.2, 0.0),)), np.zeros(1))
+
+    asked = request_at(Pose2(y_m=-0.2))
+    follower.plan_to(asked, asked.costmap, end())
     while follower.advance() is None:
         pass
     result = follower.compute_command(request_at(Pose2(x_m=0.3, y_m=-0.2, theta_rad=0.3)))

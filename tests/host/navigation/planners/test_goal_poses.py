@@ -12,7 +12,12 @@ from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_co
 from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
-from thumper.navigation.planners.goal_poses import goal_poses, has_turning_room
+from thumper.navigation.planners.goal_poses import (
+    OFFSETS_RAD,
+    goal_poses,
+    has_turning_room,
+    search_goal_poses,
+)
 from thumper.navigation.planners.goal_validation import footprint_fits
 from thumper.navigation.planners.lattice import LatticeOptions, LatticePlanner
 from thumper.navigation.planners.traversal_cost import TraversalCostOptions
@@ -84,3 +89,9 @@ def test_way_to_a_goal_grazes_no_wall_where_there_is_room(beside_wall: Costmap) 
     roomy = CollisionGrid.from_costmap(beside_wall, Footprint().grown(0.025))
     assert len(poses) > 5
     assert not [pose for pose in poses[:-1] if lethal_count(roomy, False, *pose) > 0]
+
+
+def test_the_sets_of_headings_are_searched_one_by_one(beside_wall: Costmap) -> None:
+    """All of them at once would take longer than a control cycle allows."""
+    goal = Goal(x_m=0.0, y_m=WALL_Y_M + 0.12)
+    assert sum(1 for _ in search_goal_poses(beside_wall, Footprint(), goal)) == len(OFFSETS_RAD)
