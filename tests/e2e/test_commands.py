@@ -122,6 +122,7 @@ def test_watch(thumper: Run, bus: str) -> None:
         (["watch", "nonsense"], 2, "unknown topic 'nonsense'"),
         (["goto", "nan", "0"], 2, "finite"),
         (["goto", "1.5"], 2, "the Y is missing"),
+        (["goto", "1", "0", "720"], 2, "-360 to 360 degrees"),
         (["run", "--patrol", "2"], 2, "--patrol belongs to --waypoint"),
         (["run", "--bus", "0.0.0.0:7448"], 2, "set a token"),
         (["explore", "--bus", "0.0.0.0:7448"], 2, "set a token"),

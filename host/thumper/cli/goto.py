@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 POLL_PERIOD_S = 0.2
 LINE_PERIOD_S = 1.0
+FULL_TURN_DEG = 360.0
 
 
 def _number(text: str) -> float:
@@ -30,8 +31,9 @@ def goto(
         str, typer.Argument(metavar="X|PLACE", help="X in the map [m], or the name of a place.")
     ] = "",
     y: Annotated[float | None, typer.Argument(help="Y in the map [m].", parser=_number)] = None,
-    yaw: Annotated[
-        float | None, typer.Argument(help="Heading at the goal [degrees from x].", parser=_number)
+    heading: Annotated[
+        float | None,
+        typer.Argument(help="Heading at the goal, -360 to 360 [degrees from x].", parser=_number),
     ] = None,
     gps: Annotated[
         tuple[float, float] | None,
@@ -84,7 +86,7 @@ def goto(
             f"{x!r} is not a number; a goal is X Y or the name of a place", exit_code=EXIT_USAGE
         )
     else:
-        goal = _position(float(x), y, yaw, tolerance)
+        goal = _position(float(x), y, heading, tolerance)
     with connect(config, bus, robot) as client:
         if clear_fault:
             services.COMMAND.call(client, RunCommand(command="clear_fault"))
@@ -116,18 +118,20 @@ def _on_earth(place: tuple[float, float], tolerance_m: float, *, is_alone: bool)
     return SendMission(**LatLon(*place)._asdict(), tolerance_m=tolerance_m)
 
 
-def _position(x_m: float, y_m: float | None, yaw_deg: float | None, tolerance_m: float) -> "SendMission":
-    """Return the request to drive to a position; raise ThumperError if a number is missing or too large."""
+def _position(x_m: float, y_m: float | None, heading_deg: float | None, tolerance_m: float) -> "SendMission":
+    """Return the request to drive to a position; raise ThumperError if a number is wrong."""
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.navigation.goal import check_place
     from thumper.ros.services import SendMission
 
     if y_m is None:
         raise ThumperError("a goal is X Y or the name of a place: the Y is missing", exit_code=EXIT_USAGE)
-    if not all(map(math.isfinite, (x_m, y_m, yaw_deg or 0.0, tolerance_m))):
+    if heading_deg is not None and abs(heading_deg) > FULL_TURN_DEG:
+        raise ThumperError(f"HEADING {heading_deg:g}: choose -360 to 360 degrees", exit_code=EXIT_USAGE)
+    if not all(map(math.isfinite, (x_m, y_m, heading_deg or 0.0, tolerance_m))):
         raise ThumperError("the goal and --tolerance must be finite numbers", exit_code=EXIT_USAGE)
     check_place("the goal", x_m, y_m)
-    yaw_rad = None if yaw_deg is None else math.radians(yaw_deg)
+    yaw_rad = None if heading_deg is None else math.radians(heading_deg)
     return SendMission(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad, tolerance_m=tolerance_m)
 
 
