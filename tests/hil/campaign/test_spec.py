@@ -52,7 +52,7 @@ def test_removed_key_in_a_robot_file_is_refused_with_the_fix(tmp_path: Path) -> 
     with pytest.raises(ThumperError) as caught:
         expand_jobs(load_campaign(path), tmp_path)
     assert str(caught.value) == (
-        f"{tmp_path / 'gentle.toml'}: recording.waiting_messages was removed: "
+        f"{tmp_path / 'gentle.toml'}:2: recording.waiting_messages was removed: "
         "it is fixed at 4096 messages; delete the key"
     )
     assert caught.value.exit_code == 2
