@@ -189,11 +189,12 @@ def test_code_fits_a_wide_window_and_commands_wrap_on_a_phone(browser: Browser, 
     for width, kinds in ((1440, "article pre > code"), (390, commands)):
         page.set_viewport_size({"width": width, "height": 900})
         names = (
-            "howto/navigation",
+            "explanation/navigation",
             "howto/operate",
             "howto/dashboard",
             "reference/config",
-            "howto/simulator",
+            "explanation/firmware",
+            "explanation/simulator",
         )
         for name in names:
             page.goto((pages / f"{name}.html").as_uri())
