@@ -2,9 +2,7 @@
 
 EXIT_USAGE = 2  # invalid input: also a file that is not what the command reads
 EXIT_NOT_THERE = 3  # no device, or a device or robot that does not answer
-EXIT_CHECK_FAILED = (
-    4  # a check of the robot or of the data in a file failed, or a required package is missing
-)
+EXIT_CHECK_FAILED = 4  # a check of the robot or of a file's data failed, or a required package is missing
 EXIT_INTERRUPTED = 130  # by Ctrl-C, as a shell expects
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-SOURCE = """
+AREA = """
 from typing import NamedTuple
 
 from thumper.common.numba_kernel import kernel
@@ -20,28 +20,16 @@ class Field(NamedTuple):
 @kernel
 def area(field):
     return field.width * 2
-
+"""
+SOURCE = f"""{AREA}
 
 if __name__ == "__main__":
     import program
 
     print(program.area(program.Field(21)), sum(program.area.compiled.stats.cache_hits.values()))
 """
-CALLER = """
-import sys
-from typing import NamedTuple
-
-from thumper.common.numba_kernel import kernel
-
-
-class Field(NamedTuple):
-    width: int
-
-
-@kernel
-def area(field):
-    return field.width * 2
-
+CALLER = f"""
+import sys{AREA}
 
 @kernel
 def share(field, part):

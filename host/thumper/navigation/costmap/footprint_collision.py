@@ -102,25 +102,39 @@ def lethal_count(grid: CollisionGrid, unknown_blocks: bool, x: float, y: float, 
 
 
 @kernel
-def is_free(grid: CollisionGrid, x: float, y: float, theta_rad: float) -> bool:
-    """Return whether `lethal_count` is 0 where unknown ground does not block."""
+def touches_more(
+    grid: CollisionGrid, unknown_blocks: bool, x: float, y: float, theta_rad: float, count: int
+) -> bool:
+    """Return whether `lethal_count` is more than `count`, or the robot is off the map."""
     costs, outline, resolution = grid.costs, grid.outline, grid.resolution
+    origin_x, origin_y = grid.origin[0], grid.origin[1]
     rows, cols = costs.shape
-    col = math.floor((x - grid.origin[0]) / resolution)
-    row = math.floor((y - grid.origin[1]) / resolution)
+    col = math.floor((x - origin_x) / resolution)
+    row = math.floor((y - origin_y) / resolution)
     if row < 0 or col < 0 or row >= rows or col >= cols:
-        return False
-    if grid.squared_cells[row, col] > grid.safe_squared:
         return True
+    if not unknown_blocks and grid.squared_cells[row, col] > grid.safe_squared:
+        return False
     cos, sin = math.cos(theta_rad), math.sin(theta_rad)
     for i in range(outline.shape[0]):
         px = x + cos * outline[i, 0] - sin * outline[i, 1]
         py = y + sin * outline[i, 0] + cos * outline[i, 1]
-        col = math.floor((px - grid.origin[0]) / resolution)
-        row = math.floor((py - grid.origin[1]) / resolution)
-        if row < 0 or col < 0 or row >= rows or col >= cols or costs[row, col] == LETHAL:
-            return False
-    return True
+        col = math.floor((px - origin_x) / resolution)
+        row = math.floor((py - origin_y) / resolution)
+        if row < 0 or col < 0 or row >= rows or col >= cols:
+            return True
+        cost = costs[row, col]
+        if cost == LETHAL or (unknown_blocks and cost == UNKNOWN):
+            count -= 1
+            if count < 0:
+                return True
+    return False
+
+
+@kernel
+def is_free(grid: CollisionGrid, x: float, y: float, theta_rad: float) -> bool:
+    """Return whether `lethal_count` is 0 where unknown ground does not block."""
+    return not touches_more(grid, False, x, y, theta_rad, 0)
 
 
 def safe_squared_cells(circumscribed_m: float, resolution_m: float) -> float:

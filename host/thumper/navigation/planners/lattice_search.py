@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.common.resumable import LATTICE_NODES, Search
-from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count
+from thumper.navigation.costmap.footprint_collision import CollisionGrid, lethal_count, touches_more
 from thumper.navigation.costmap.inflation import IntArray
 from thumper.navigation.planners.binary_heap import doubled, heap_pop, heap_push
 from thumper.navigation.planners.cell_costs import CellCosts, CostArray, cost_at
@@ -120,8 +120,7 @@ def is_free(
     grid: CollisionGrid, x: float, y: float, theta: float, allowed: int, unknown_blocks: bool
 ) -> bool:
     """Return whether at most `allowed` outline points are on obstacles (or unknown cells if these block)."""
-    hits = lethal_count(grid, unknown_blocks, x, y, theta)
-    return 0 <= hits <= allowed
+    return not touches_more(grid, unknown_blocks, x, y, theta, allowed)
 
 
 @kernel

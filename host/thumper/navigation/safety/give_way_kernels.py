@@ -11,8 +11,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper.common.numba_kernel import kernel
 from thumper.navigation.controllers.dwa_kernels import Dynamics, MotionStart
-from thumper.navigation.costmap.footprint_collision import CollisionGrid
-from thumper.navigation.costmap.inflation import LETHAL, UNKNOWN
+from thumper.navigation.costmap.footprint_collision import CollisionGrid, touches_more
 
 AIM_GAIN = 1.5  # turn rate per angle to the aim [1/s]
 AIM_TURN_RAD = 1.0  # further to the side the robot turns nearly on the spot ...
@@ -132,34 +131,6 @@ def cost_to_go(task: GiveWayTask, x: float, y: float, theta: float) -> float:
     if math.hypot(aim_x - x, aim_y - y) > AT_AIM_M:
         left += task.weights.heading * abs(angle_to(x, y, theta, aim_x, aim_y))
     return left
-
-
-@kernel
-def touches_more(
-    grid: CollisionGrid, unknown_blocks: bool, x: float, y: float, theta: float, count: int
-) -> bool:
-    """Return whether `lethal_count` is more than `count`, or the robot is off the map."""
-    costs, outline, resolution = grid.costs, grid.outline, grid.resolution
-    origin_x, origin_y = grid.origin[0], grid.origin[1]
-    rows, cols = costs.shape
-    col, row = math.floor((x - origin_x) / resolution), math.floor((y - origin_y) / resolution)
-    if row < 0 or col < 0 or row >= rows or col >= cols:
-        return True
-    if not unknown_blocks and grid.squared_cells[row, col] > grid.safe_squared:
-        return False
-    cos, sin = math.cos(theta), math.sin(theta)
-    for i in range(outline.shape[0]):
-        px = x + cos * outline[i, 0] - sin * outline[i, 1]
-        py = y + sin * outline[i, 0] + cos * outline[i, 1]
-        col, row = math.floor((px - origin_x) / resolution), math.floor((py - origin_y) / resolution)
-        if row < 0 or col < 0 or row >= rows or col >= cols:
-            return True
-        cost = costs[row, col]
-        if cost == LETHAL or (unknown_blocks and cost == UNKNOWN):
-            count -= 1
-            if count < 0:
-                return True
-    return False
 
 
 @kernel

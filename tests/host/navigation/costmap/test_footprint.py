@@ -15,6 +15,7 @@ from thumper.navigation.costmap.footprint_collision import (
     is_free,
     lethal_count,
     safe_squared_cells,
+    touches_more,
 )
 from thumper.navigation.costmap.inflation import LETHAL
 from thumper.navigation.footprint import Footprint
@@ -71,6 +72,9 @@ def count_at(costs: np.typing.NDArray[np.uint8], pose: Pose2, outline_m: FloatAr
     )
     count = lethal_count(grid, False, pose.x_m, pose.y_m, pose.theta_rad)
     assert is_free(grid, pose.x_m, pose.y_m, pose.theta_rad) is (count == 0)
+    for limit in (0, 1, max(0, count - 1), max(0, count)):
+        is_more = count < 0 or count > limit
+        assert touches_more(grid, False, pose.x_m, pose.y_m, pose.theta_rad, limit) is is_more
     return count
 
 
