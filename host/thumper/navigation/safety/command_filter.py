@@ -181,8 +181,9 @@ class CommandFilter:
     def _give_way_command(self, request: ControlRequest, discs: FloatArray) -> FilteredCommand:
         """Return the motion that lets somebody pass, as far as the monitor allows it.
 
-        Only what does not walk slows it down: the plans know where people will be. Somebody may come from
-        where the lidar does not see: the robot does not back off into it.
+        Only what does not walk slows it down: the plans know where people will be. They do not know that of
+        somebody who has just come into view nearby: the robot stops. Somebody may come from where the lidar
+        does not see: the robot does not back off into it.
         """
         points_m = self._obstacles.points_m
         still_m = points_m[~self.are_walking(request.map_from_base.apply(points_m))]
@@ -195,7 +196,9 @@ class CommandFilter:
             command, stop = self._monitored(wanted, request, still_m)
             return command if stop is None else None
 
-        command = self._give_way.best_command(request, discs, allowed)
+        base_m = np.array((request.map_from_base.x_m, request.map_from_base.y_m))
+        unknown = self._tracks.has_unknown_near(base_m)
+        command = Twist2() if unknown else self._give_way.best_command(request, discs, allowed)
         waits = command == Twist2()
         if waits:
             command = self._slowing(request)

@@ -30,6 +30,7 @@ RADIUS_DECAY = 0.9  # per scan: a part of somebody may be hidden
 HIDDEN_S = 1.0  # a track without an object ends after this time, ...
 STANDS_S = 5.0  # ... and that of somebody who stands
 STANDING_S = 1.5  # somebody who stands for less may turn round
+UNKNOWN_S, NEAR_ROBOT_M = 0.25, 1.0  # how somebody walks who has just come into view so near is not known yet
 TURNING_FRACTION = 0.7  # slower than this part of the speed that it had: it may turn round
 MERGE_M = 0.4  # two tracks this near are one
 LEAST_RADIUS_M, MOST_RADIUS_M = 0.12, 0.40
@@ -52,6 +53,7 @@ class Track:
     centre_m: FloatArray  # shape (2,), in map
     velocity_m_s: FloatArray  # shape (2,)
     radius_m: float
+    begun_s: float
     seen_s: float
     moved_s: float  # when it was faster than `least_m_s` last ...
     walk_m_s: FloatArray  # ... and its velocity then
@@ -115,6 +117,7 @@ class Tracks:
                         centre_m=np.array((x_m, y_m)),
                         velocity_m_s=velocity_m_s,
                         radius_m=radius_m,
+                        begun_s=time_s,
                         seen_s=time_s,
                         moved_s=time_s,
                         walk_m_s=velocity_m_s,
@@ -146,6 +149,16 @@ class Tracks:
             if track.speed_m_s >= self._least_m_s:
                 near |= np.hypot(*(points_m - track.centre_m).T) <= WALKING_M
         return near
+
+    def has_unknown_near(self, at_m: FloatArray) -> bool:
+        """Return whether somebody has just come into view near a place, shape (2,) in map.
+
+        One foot of theirs has been seen moving. It may have just risen, or swing back.
+        """
+        return self._time_s is not None and any(
+            self._time_s - track.begun_s < UNKNOWN_S and math.dist(at_m, track.centre_m) < NEAR_ROBOT_M
+            for track in self.tracks
+        )
 
     def predicted(self, costmap: Costmap) -> FloatArray:
         """Return the discs (x, y, radius) of all times and hypotheses, shape (STEPS, n, 3).

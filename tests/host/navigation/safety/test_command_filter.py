@@ -113,6 +113,18 @@ def test_robot_waits_for_a_dynamic_obstacle_that_it_gives_no_way(
     )
 
 
+@pytest.mark.parametrize("known", [False, True])
+def test_robot_stops_for_somebody_who_has_just_come_into_view_nearby(known: bool) -> None:
+    """How they walk is not known, so no plan round them is made yet."""
+    checked = Filter()
+    checked.gives_way()
+    vars(checked.filter._tracks)["has_unknown_near"] = lambda _at_m: not known
+    passed = checked.run(SLOW, twist=Twist2(v_m_s=0.4), last=Twist2(v_m_s=0.4))
+    assert passed.yielding
+    assert passed.reason.startswith("giving way" if known else "waiting")
+    assert known or (passed.command is not None and passed.command.v_m_s < 0.4 and not passed.command.w_rad_s)
+
+
 def test_robot_gives_way_without_driving_toward_a_second_person() -> None:
     def steps_aside(_request: object, _discs: object, allowed: Callable[[Twist2], Twist2 | None]) -> Twist2:
         return allowed(SLOW) or Twist2()

@@ -57,6 +57,14 @@ def test_follows_somebody_who_walks(legs: bool) -> None:
     assert track.velocity_m_s == pytest.approx((0.0, 1.0), abs=0.3 if legs else 0.1)
 
 
+def test_how_somebody_walks_is_unknown_in_their_first_scans() -> None:
+    beside, far = np.array((1.2, -1.0)), np.array((0.0, 0.0))
+    for scans, unknown in ((1, True), (3, True), (4, False)):
+        tracks = walked(UP[:scans])
+        assert tracks.has_unknown_near(beside) is unknown
+        assert not tracks.has_unknown_near(far)
+
+
 def test_keeps_the_track_of_somebody_who_turns_round() -> None:
     (track,) = walked(UP + UP[::-1][:8]).tracks
     assert track.velocity_m_s == pytest.approx((0.0, -1.0), abs=0.3)
