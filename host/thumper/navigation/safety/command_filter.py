@@ -164,13 +164,17 @@ class CommandFilter:
         )
 
     def _heeded(self, *, gives_way: bool) -> list[MovingObject]:
-        """Return what the robot waits for: with `gives_way` only what has no track, else all that moves."""
+        """Return what the robot waits for: with `gives_way` only what has no track, else all that moves.
+
+        A foot rests while the other swings: so the tracks count beside the feet.
+        """
         untracked = self._tracks.untracked
-        if not self._waiting.is_over:
-            return untracked if gives_way else self._dynamic_obstacles.moving
         if gives_way:
-            return []
-        return [one for one in self._dynamic_obstacles.moving if all(one is not other for other in untracked)]
+            return [] if self._waiting.is_over else untracked
+        moving = [*self._dynamic_obstacles.moving, *self._tracks.outlines()]
+        if not self._waiting.is_over:
+            return moving
+        return [one for one in moving if all(one is not other for other in untracked)]
 
     def _predicted(self) -> FloatArray:
         """Return the predicted discs of all that moves, as `Tracks.predicted`."""

@@ -35,6 +35,7 @@ TURNING_FRACTION = 0.7  # slower than this part of the speed that it had: it may
 MERGE_M = 0.4  # two tracks this near are one
 LEAST_RADIUS_M, MOST_RADIUS_M = 0.12, 0.40
 WALKING_M = 0.55  # round the middle of who walks: points here are on them, unless they rest
+CIRCLE = np.column_stack([f(np.radians(np.arange(0.0, 360.0, 45.0))) for f in (np.cos, np.sin)])
 STRIDE_M = 0.15  # two discs, one ahead of the other, cover both legs
 AGE_S = 0.1  # of the scan when the command reaches the wheels
 BEHIND_FRACTION = 0.6  # the lidar sees the near side: the middle is further off by this part of the radius
@@ -141,6 +142,18 @@ class Tracks:
     def moving(self) -> list[Track]:
         """Return the tracks that move, or stopped only a moment ago."""
         return [track for track in self.tracks if track.speed_m_s >= self._least_m_s or self._turns(track)]
+
+    def outlines(self) -> list[MovingObject]:
+        """Return points round both discs of each track that moves now, with the velocity of the track."""
+        return [
+            MovingObject(
+                track.centre_m
+                + np.vstack([end * track.stride_m + track.radius_m * CIRCLE for end in (-1.0, 1.0)]),
+                track.velocity_m_s,
+            )
+            for track in self.tracks
+            if track.speed_m_s >= self._least_m_s
+        ]
 
     def are_near(self, points_m: FloatArray) -> NDArray[np.bool_]:
         """Return which points, shape (n, 2) in map, are near the middle of a track that moves now."""

@@ -184,6 +184,14 @@ def test_robot_does_not_wait_for_ever_for_what_has_no_track(*, allow_escape: boo
         assert checked.run(SLOW, allow_escape=False).yielding
 
 
+def test_robot_that_gives_no_way_waits_for_who_walks_also_while_their_foot_rests() -> None:
+    checked, person = Filter(), MovingObject(np.zeros((3, 2)), np.array((1.0, 0.0)))
+    checked.yields_to = [SLOW]
+    assert not checked.run(SLOW, allow_escape=False).yielding
+    vars(checked.filter._tracks)["outlines"] = lambda: [person]
+    assert checked.run(SLOW, allow_escape=False).yielding
+
+
 def test_robot_has_priority_after_it_gave_way_for_long() -> None:
     checked = Filter()
     checked.gives_way()

@@ -57,6 +57,16 @@ def test_follows_somebody_who_walks(legs: bool) -> None:
     assert track.velocity_m_s == pytest.approx((0.0, 1.0), abs=0.3 if legs else 0.1)
 
 
+def test_outlines_of_who_walks_are_where_they_are_and_move_as_they_do() -> None:
+    (outline,) = walked(UP, legs=True).outlines()
+    (track,) = walked(UP, legs=True).tracks
+    assert outline.points_m.mean(axis=0) == pytest.approx(track.centre_m)
+    reach_m = np.hypot(*(outline.points_m - track.centre_m).T).max()
+    assert reach_m == pytest.approx(track.radius_m + STRIDE_M, abs=0.02)
+    assert outline.velocity_m_s == pytest.approx((0.0, 1.0), abs=0.3)
+    assert walked([0.0] * 30).outlines() == []
+
+
 def test_how_somebody_walks_is_unknown_in_their_first_scans() -> None:
     beside, far = np.array((1.2, -1.0)), np.array((0.0, 0.0))
     for scans, unknown in ((1, True), (3, True), (4, False)):
