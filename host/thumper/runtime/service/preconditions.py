@@ -31,6 +31,11 @@ class Preconditions:
         if self.drive_manager.mode in (DriveMode.DRIVING, DriveMode.MANUAL, DriveMode.STOPPING):
             raise ThumperError(f"the robot must be stationary to {action}: stop it first")
 
+    def switch_motors_off(self, reason: str) -> None:
+        """Switch the motors of an armed robot off: what follows may take longer than the board's time-out."""
+        if self.drive_manager.mode is DriveMode.HOLDING:
+            self.drive_manager.disarm(reason)
+
     def require_motors_off(self, what: str) -> None:
         """Refuse `what` while the motors are on."""
         if self.drive_manager.mode is not DriveMode.IDLE:
