@@ -49,6 +49,7 @@ from thumper.runtime.service.request_queue import RequestQueue
 PERIOD_S = 0.1
 WIDTH_M, HEIGHT_M, CELL_M = 4.0, 3.0, 0.05
 BEAMS = 682
+ANSWERS = {"explore": "exploring: explore", "clear_fault": "fault cleared; the motors are off"}  # to commands
 BASE_FROM_LASER = Pose2(x_m=0.12)
 
 
@@ -223,8 +224,7 @@ class FakeRobot:
                 pass
             case "command":
                 self._run_command(content["command"])
-                does = "exploring" if content["command"] == "explore" else "done"
-                answer = {"text": f"{does}: {content['command']}"}
+                answer = {"text": ANSWERS.get(content["command"], f"done: {content['command']}")}
             case "simulator/world":
                 kinds = {"lidar": {"choices": ["ok", "unplugged"]}, "slip.left": {"most": 1.0, "unit": ""}}
                 answer = {"faults": kinds, "on": self.simulated_faults, "pillars": 0}

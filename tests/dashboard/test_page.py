@@ -131,6 +131,23 @@ def test_trail_is_cleared_by_a_new_map(page: Page, robot: FakeRobot) -> None:
     page.wait_for_function(f"{length} < {before}")
 
 
+def test_the_trail_outlives_a_reload(page: Page) -> None:
+    length = "document.querySelector('.tp-map')?.mapView?.data.trail.length"
+    page.wait_for_function(f"{length} > 60")
+    page.reload()
+    page.wait_for_function(f"{length} > 0")
+    assert page.evaluate(length) > 40
+
+
+def test_a_notice_goes_when_it_is_true_no_longer(page: Page) -> None:
+    page.click(".tp-estop")
+    page.click("text=Clear fault")
+    notices = page.locator(".tp-notice")
+    expect(notices).to_have_text(["fault cleared; the motors are off"])
+    page.click(".tp-arm")
+    expect(notices).to_have_text(["done: arm"])
+
+
 def test_charts_freeze_and_export_csv(page: Page) -> None:
     rows = "document.querySelector('.tp-wheels').charts.rows.length"
     page.wait_for_function(f"{rows} > 5")
@@ -193,7 +210,7 @@ def test_colours_show_whether_the_motors_are_on(page: Page, robot: FakeRobot) ->
             expect(element).to_have_css("background-color", colour)
         expect(arm).to_have_attribute("aria-pressed", str(armed).lower())
 
-    expect_colours("closed loop", (green, plain, amber), armed=True)
+    expect_colours("armed", (green, plain, amber), armed=True)
     robot.state = State.MANUAL
     expect_colours("manual (open loop)", (yellow, plain, amber), armed=True)
     disarm.click()
@@ -204,7 +221,7 @@ def test_colours_show_whether_the_motors_are_on(page: Page, robot: FakeRobot) ->
     page.click("text=Clear fault")
     expect_colours("disarmed", (grey, green, plain), armed=False)
     arm.click()
-    expect_colours("closed loop", (green, plain, amber), armed=True)
+    expect_colours("armed", (green, plain, amber), armed=True)
 
 
 def test_the_title_names_only_a_robot_that_has_a_name(page: Page) -> None:

@@ -74,10 +74,13 @@ def test_page_reconnects_to_a_restarted_robot(browser: Browser, tmp_path: Path) 
     banner = page.locator("#tp-banner")
     try:
         page.goto(server.url)
-        expect(banner).to_have_text("Waiting for the robot …")
+        expect(banner).to_have_text(f"No robot at {address}; start `thumper run`.")
+        for name in ("Explore", "Cancel", "Save map", "Disarm", "Goal"):
+            expect(page.get_by_role("button", name=name).first).to_be_disabled()
         for _ in range(2):
             robot = FakeRobot(address=address)
             expect(banner).to_have_text("Simulated robot")
+            expect(page.get_by_role("button", name="Explore")).to_be_enabled()
             page.click(".tp-estop")
             until(partial(robot.received_of, EmergencyStop))
             robot.close()

@@ -12,7 +12,7 @@ import { addGains } from "./gains.js";
 import { RoomView } from "./room_view.js";
 import panel from "./panel.html";
 
-const STATES = { DISARMED: "disarmed", CLOSED_LOOP: "closed loop", MANUAL: "manual", FAULT: "fault" };
+const STATES = { DISARMED: "disarmed", CLOSED_LOOP: "armed", MANUAL: "manual", FAULT: "fault" };
 const UNPLUGGED_MS = 1000;  // the button names it
 const BREAKS = {
   cut: (simulation) => simulation.robot.cutEncoder(0, true),

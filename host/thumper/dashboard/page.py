@@ -60,6 +60,7 @@ class PageOptions:
 
     robot: str
     footprint_m: list[tuple[float, float]]
+    address: str = ""  # of the robot's bus
     has_password: bool = False
     library: Path = Path()  # of a robot on this computer
 
@@ -74,7 +75,7 @@ def build_page(options: PageOptions, robot: QueryClient) -> None:
     dark = begin_page("uplot/uPlot.min.css", "style.css")
     _header(options, dark)
     with box("tp-banner-row"):
-        box("tp-banner").props("id=tp-banner data-kind=lost role=status")
+        box("tp-banner").props(f'id=tp-banner data-kind=lost role=status data-address="{options.address}"')
     with box("tp-main"):
         with box("tp-left"):
             with box("tp-mapbox"):

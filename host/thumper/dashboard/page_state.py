@@ -4,6 +4,7 @@ Messages arrive on threads of the bus, ticks run on the server's. The lock guard
 is converted at the tick, once for all pages; a message that a newer one has replaced is never converted.
 """
 
+import math
 import threading
 import time
 from collections import deque
@@ -33,6 +34,8 @@ TOPICS = (
 GRID_PERIOD_S = 0.5  # a grid is sent at most this often
 MAX_WHEEL_ROWS = 600  # one minute at 10 Hz, so that a new page has charts at once
 MAX_EVENTS = 50
+TRAIL_STEP_M = 0.03
+MAX_TRAIL_POINTS = 4000  # as the page keeps
 
 
 class PageState:
@@ -51,6 +54,7 @@ class PageState:
         # The attributes below are used only by the ticks.
         self._track = PoseHistory()
         self._map = MapImage()
+        self._trail: deque[tuple[float, float]] = deque(maxlen=MAX_TRAIL_POINTS)
         self.map_from_base: Pose2 | None = None
         self._values: dict[str, Any] = {}
         self._arrays: dict[str, PacketArray] = {}
@@ -126,7 +130,8 @@ class PageState:
         values, arrays = dict(self._values), dict(self._arrays)
         if whole := self._map.whole():
             values["map"], arrays["map"] = whole
-        everything = {"whole": True, **extra}
+        trail_m = [round(part, 3) for point in self._trail for part in point]
+        everything = {"whole": True, "trail": trail_m, **extra}
         return self._packet(values, arrays, list(self._rows), list(self._lines), everything)
 
     def _take_map(self, message: Message) -> None:
@@ -135,14 +140,20 @@ class PageState:
         else:
             self._map.change(*map_change_of(message))
 
+    def _take_pose(self, message: Message) -> Pose2:
+        time_s, pose = display_data.stamped_pose(message)
+        self._track.add(time_s, pose)
+        self.map_from_base = pose
+        here_m = pose.x_m, pose.y_m
+        if not self._trail or math.dist(here_m, self._trail[-1]) > TRAIL_STEP_M:
+            self._trail.append(here_m)
+        return pose
+
     def _convert(
         self, name: str, message: Message, values: dict[str, Any], arrays: dict[str, PacketArray]
     ) -> None:
         if name == "pose":
-            time_s, pose = display_data.stamped_pose(message)
-            self._track.add(time_s, pose)
-            self.map_from_base = pose
-            values["pose"] = display_data.pose_list(pose)
+            values["pose"] = display_data.pose_list(self._take_pose(message))
         elif name == "local_costmap":
             values[name], arrays[name] = display_data.grid_data(message)
             self._grid_sent_s[name] = self._clock()
@@ -163,6 +174,7 @@ class PageState:
         elif name == "status":
             values[name] = display_data.status(message)
             if values[name]["lidar_scans"] < self._values.get("status", values[name])["lidar_scans"]:
+                self._trail.clear()
                 self._sensor_s.clear()  # the robot restarted, perhaps without them
                 values.setdefault("objects", [])
 

@@ -81,6 +81,7 @@ def run_dashboard(
         options,
         PageOptions(
             robot=settings.name,
+            address=robot_address,
             footprint_m=list(settings.footprint.vertices_m),
             has_password=bool(options.password),
             library=Path(settings.recording.folder),

@@ -17,6 +17,11 @@ export function onCancel(cancel) {
   cancellers.push(cancel);
 }
 
+// Whether a key goes into a text or a list, and so is no shortcut. A checkbox and a slider take no letters.
+export function isTyping({ target }) {
+  return Boolean(target.matches?.("textarea, select, input:not([type=checkbox], [type=radio], [type=range])"));
+}
+
 function cancelled() {
   const done = cancellers.map((cancel) => cancel());
   return done.includes(true) || document.querySelector(OPEN_SELECT) !== null;
@@ -53,6 +58,11 @@ export function notify(text, kind) {
   setTimeout(() => notice.remove(), NOTICE_MS);
 }
 
+// Remove notices that are true no longer.
+function removeNotices(start) {
+  for (const notice of document.querySelectorAll(".tp-notice")) if (notice.textContent.startsWith(start)) notice.remove();
+}
+
 export function startCommands() {
   on("connected", (connected) => { if (connected) sendWaitingStop(); });
   on("server:beat", ({ n }) => { if (n >= answeredBy) sessionStorage.removeItem(WAITING_STOP); });
@@ -87,13 +97,15 @@ export function startCommands() {
   });
   let isSnapshot = false; // its events are old
   on("snapshot", () => { isSnapshot = true; });
-  on("packet", () => { isSnapshot = false; });
+  on("packet", () => {
+    isSnapshot = false;
+    if (["closed_loop", "manual"].includes(document.body.dataset.board)) removeNotices("fault cleared");
+  });
   on("events", (events) => {
     for (const { text } of isSnapshot ? [] : events) {
       if (/^map saved: |^the map was not saved: /.test(text)) notify(text, text.startsWith("map") ? "good" : "bad");
       if (EXPLORATION_ENDS.test(text)) {
-        const outdated = document.querySelectorAll(".tp-notice");
-        for (const notice of outdated) if (notice.textContent.startsWith("exploring")) notice.remove();
+        removeNotices("exploring");
         notify(text, text.startsWith("not back") ? "bad" : "good");
       }
     }

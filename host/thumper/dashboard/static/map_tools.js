@@ -3,7 +3,7 @@
 
 import { AnnotationBar } from "./annotations.js";
 import { colour } from "./colours.js";
-import { onCancel } from "./commands.js";
+import { isTyping, onCancel } from "./commands.js";
 import { drawArrow, drawCrosshair, LAYERS } from "./map_layers.js";
 import { fixed } from "./numbers.js";
 import { send, state } from "./stream.js";
@@ -199,9 +199,10 @@ export class MapTools {
   }
 
   onKey(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || /INPUT|TEXTAREA|SELECT/.test(event.target.tagName)) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event)) return;
     const match = Object.entries(TOOLS).find(([, { key }]) => key === event.key.toLowerCase());
-    if (match && !this.buttons[match[0]].hidden) this.selectTool(match[0]);
+    const button = match && this.buttons[match[0]];
+    if (button && !button.hidden && !button.disabled) this.selectTool(match[0]);
   }
 
   onCanvasKey(event) {

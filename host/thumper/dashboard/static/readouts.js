@@ -4,9 +4,12 @@ import { fixed } from "./numbers.js";
 import { on, state } from "./stream.js";
 
 const LINK_LOST_S = 1.5; // without a message from the robot for this long, its link counts as lost
+const GONE_S = 5; // and for this long, there is no robot
 const NO_VALUE = "–";
 const EXPERIMENTS = { identify: "identifying motors", tune: "tuning wheels" };
 const SENSORS = ["camera", "gps", "imu"]; // of some robots; their parts of the page are hidden without them
+const BOARD_STATES = { CLOSED_LOOP: "armed", MANUAL: "manual (open loop)" };
+const NEEDS_ROBOT = "[data-command], [data-tool]:not([data-tool=pan], [data-tool=layers])";
 const SENSOR_SILENT_S = 3; // a sensor that sent nothing for this long has no current value
 
 const SENSOR_FIELDS = {
@@ -51,10 +54,7 @@ const FIELDS = {
   mode: ({ status, experiment }) => (experiment?.running
     ? EXPERIMENTS[experiment.running] ?? formatName(experiment.running) : formatName(status?.mode)),
   reason: ({ status, experiment }) => (experiment?.running ? experiment.what : status?.reason ?? ""),
-  board_state: (values) => {
-    const name = boardState(values);
-    return name === "MANUAL" ? "manual (open loop)" : formatName(name);
-  },
+  board_state: (values) => BOARD_STATES[boardState(values)] ?? formatName(boardState(values)),
   battery: ({ board }) => formatVolts(board?.battery_V),
   distance: ({ status }) => (status?.has_goal ? formatMetres(status.distance_to_goal_m) : NO_VALUE),
   pose: ({ pose }) => (pose ? `${fixed(pose[0], 2)}, ${fixed(pose[1], 2)} m` : NO_VALUE),
@@ -82,7 +82,7 @@ const FIELDS = {
 
 const boardState = ({ board, status }) => board?.state ?? status?.board_state;
 
-// CLOSED_LOOP -> closed loop
+// LEFT_STALLED -> left stalled
 function formatName(name) {
   return name ? name.toLowerCase().replaceAll("_", " ") : NO_VALUE;
 }
@@ -94,9 +94,9 @@ function formatDuration(seconds) {
 }
 
 // Return the banner's kind and text. `silent_s` is the time since the robot's last message; null before the first.
-function bannerContent({ status, silent_s }) {
+function bannerContent({ status, silent_s }, address) {
   if (!state.connected) return ["lost", "No connection to the dashboard server. Manual driving stops, a goal goes on."];
-  if (isMissing(silent_s)) return ["lost", "Waiting for the robot …"];
+  if (isMissing(silent_s)) return ["lost", `No robot at ${address}; start \`thumper run\`.`];
   if (silent_s > LINK_LOST_S) {
     return ["lost", `No data from the robot for ${silent_s.toFixed(0)} s. Is \`thumper run\` still running?`];
   }
@@ -115,8 +115,8 @@ function refresh() {
     if (element.textContent !== text) element.textContent = text;
     if (field === "reason" && element.title !== text) element.title = text; // a low screen cuts it
   }
-  const [kind, text] = bannerContent(values);
   const banner = document.getElementById("tp-banner");
+  const [kind, text] = bannerContent(values, banner?.dataset.address);
   if (banner && (banner.dataset.kind !== kind || banner.textContent !== text)) {
     banner.dataset.kind = kind;
     banner.textContent = text;
@@ -132,6 +132,8 @@ function refresh() {
   flags.fault = Boolean(status.fault);
   flags.board = (kind === "lost" ? "" : boardState(values) ?? "").toLowerCase();
   const isArmed = ["closed_loop", "manual"].includes(flags.board);
+  const isGone = state.connected && (isMissing(values.silent_s) || values.silent_s > GONE_S);
+  for (const button of document.querySelectorAll(NEEDS_ROBOT)) button.disabled = isGone;
   document.querySelector(".tp-arm")?.setAttribute("aria-pressed", isArmed);
   flags.batteryLow = Boolean(values.board?.battery_low);
 }

@@ -1,6 +1,6 @@
 // The list of keyboard shortcuts: "?" shows and hides it, Esc hides it.
 
-import { onCancel } from "./commands.js";
+import { isTyping, onCancel } from "./commands.js";
 import { TOOLS } from "./map_tools.js";
 
 const GENERAL = [
@@ -18,6 +18,11 @@ export function startShortcuts() {
   dialog.hidden = true;
   dialog.setAttribute("role", "dialog");
   dialog.setAttribute("aria-label", "keyboard shortcuts");
+  const head = dialog.appendChild(document.createElement("header"));
+  head.appendChild(document.createElement("h2")).textContent = "Keyboard shortcuts";
+  const close = head.appendChild(document.createElement("button"));
+  Object.assign(close, { type: "button", className: "tp-icon", title: "Close (Esc)", innerHTML: '<i class="material-icons">close</i>' });
+  close.addEventListener("click", () => { dialog.hidden = true; });
   const list = dialog.appendChild(document.createElement("dl"));
   const tools = Object.values(TOOLS).map(({ key, title }) => [key.toUpperCase(), title.split(":")[0]]);
   for (const [keys, text] of [...tools, ...GENERAL]) {
@@ -28,9 +33,8 @@ export function startShortcuts() {
     if (event.target.closest?.("[data-shortcuts]")) dialog.hidden = !dialog.hidden;
   });
   document.addEventListener("keydown", (event) => {
-    if (event.key === "?" && !/INPUT|TEXTAREA|SELECT/.test(event.target.tagName)) dialog.hidden = !dialog.hidden;
+    if (event.key === "?" && !isTyping(event)) dialog.hidden = !dialog.hidden;
   });
-  dialog.addEventListener("click", () => { dialog.hidden = true; });
   onCancel(() => {
     const isActive = !dialog.hidden;
     dialog.hidden = true;

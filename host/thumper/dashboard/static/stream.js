@@ -121,7 +121,7 @@ export function showRobot() {
   state.playback = "";
   state.shown = state.values;
   emit("playback", "");
-  for (const name of DRAWN) if (name in state.values) emit(name, state.values[name]);
+  for (const name of DRAWN) if (name !== "trail" && name in state.values) emit(name, state.values[name]);
   if (rowsMeanwhile.length) emit("wheels", rowsMeanwhile);
   rowsMeanwhile = [];
 }
