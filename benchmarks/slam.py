@@ -26,22 +26,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.figure import figure, require_data
 
-# Others on the same log and relations, on a machine of the same kind: path error, CPU time per processed
-# scan. "Online" is the pose that was reported at the time. A path that was improved later uses more data than
-# that.
+# Others on the same log and relations: path error and online error, the pose that was reported at the time. A
+# path that was improved later uses more data than that. `make bench-peers` compares the CPU times.
 INTEL_PEERS = (
-    ("gmapping, 30 particles", "0.027 ± 0.020", "0.96 ± 0.92", "0.097", "75-77"),
-    ("LaMa particle filter, 30, gate 0.2", "0.020 ± 0.013", "0.51 ± 0.65", "0.058", "10.5"),
-    ("LaMa single hypothesis, gate 0.1", "0.020 ± 0.016", "0.42 ± 0.47", "0.036", "0.25"),
-    ("open_karto, gate 0.2", "0.023 ± 0.024", "0.51 ± 0.63", "0.17", "35"),
-    ("BreezySLAM", "2.35 ± 3.71", "14.0 ± 21.0", "2.35", "2.0"),
-)
-MINES_PEERS = (
-    ("gmapping, 30 particles", "89-91"),
-    ("LaMa particle filter, 30", "17.4"),
-    ("open_karto", "10.6"),
-    ("BreezySLAM", "4.7"),
-    ("LaMa single hypothesis", "0.47"),
+    ("gmapping, 30 particles", "0.027 ± 0.020", "0.96 ± 0.92", "0.097"),
+    ("LaMa particle filter, 30, gate 0.2", "0.020 ± 0.013", "0.51 ± 0.65", "0.058"),
+    ("LaMa single hypothesis, gate 0.1", "0.020 ± 0.016", "0.42 ± 0.47", "0.036"),
+    ("open_karto, gate 0.2", "0.023 ± 0.024", "0.51 ± 0.63", "0.17"),
+    ("BreezySLAM", "2.35 ± 3.71", "14.0 ± 21.0", "2.35"),
 )
 
 
@@ -116,14 +108,9 @@ def report(
     method: Method, mines: Run, intel: Run, errors: RelationErrors, online: RelationErrors, peak_MB: float
 ) -> None:
     """Record the figures for the table of all benchmarks."""
-    source, logs = "same log, a machine of the same kind", {"MINES": mines, "Intel": intel}
-    peers = {
-        "MINES": "; ".join(f"{name}: {ms}" for name, ms in MINES_PEERS),
-        "Intel": "; ".join(f"{row[0]}: {row[4]}" for row in INTEL_PEERS),
-    }
-    for name, run_ in logs.items():
+    for name, run_ in {"MINES": mines, "Intel": intel}.items():
         cost = f"{run_.cpu_ms.mean():.2f} / {np.percentile(run_.cpu_ms, 99):.1f}"
-        figure(f"{method}, {name}: CPU per scan, mean / 99 %", cost, "ms", peers=peers[name], source=source)
+        figure(f"{method}, {name}: CPU per scan, mean / 99 %", cost, "ms")
     rows = (
         ("path error", f"{errors.translation_m.mean():.4f}", "m", "<= 0.022", 1),
         ("path error", f"{np.degrees(errors.rotation_rad.mean()):.2f}", "deg", "<= 0.6", 2),
@@ -131,7 +118,7 @@ def report(
     )
     for what, ours, unit, aim, column in rows:
         others = "; ".join(f"{row[0]}: {row[column].split(' ')[0]}" for row in INTEL_PEERS)
-        figure(f"{method}, Intel: {what}", ours, unit, aim=aim, peers=others, source=source)
+        figure(f"{method}, Intel: {what}", ours, unit, aim=aim, peers=others, source="same log")
     figure(f"{method}: peak memory, both logs loaded", f"{peak_MB:.0f}", "MB", aim="<= 250")
 
 
@@ -153,14 +140,6 @@ def main() -> None:
         result = first = run(mines, method, seed)
         console.print(timing(f"MINES, seed {seed}", result), soft_wrap=True)
         console.print(f"MINES, seed {seed}: squareness {squareness(mines, result.poses):.3f}")
-    table = Table(title="MINES, URG-04LX, 682 beams")
-    table.add_column("program")
-    table.add_column("CPU [ms per processed scan]")
-    table.add_row(f"thumper {method}", f"{result.cpu_ms.mean():.2f}")
-    for row in MINES_PEERS:
-        table.add_row(*row)
-    console.print(table)
-
     intel = open_log(folder / "intel-lab.clf.gz")
     relations = load_relations(folder / "intel-lab.relations-by-scan.gz")
     means = []  # path [m], path [deg], online [m]
