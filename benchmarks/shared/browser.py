@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 from contextlib import suppress
@@ -60,9 +59,9 @@ class Server:
         self.process.wait(START_S)
 
     def _answers(self) -> bool:
-        assert self.process.poll() is None, self._log.read_text(encoding="utf-8")
-        with socket.socket() as probe:
-            return probe.connect_ex(("127.0.0.1", self.port)) == 0
+        log = self._log.read_text(encoding="utf-8")
+        assert self.process.poll() is None, log
+        return "press Ctrl-C to stop" in log  # before, it answers that it is starting
 
 
 def open_page(page: Page, server: Server) -> None:

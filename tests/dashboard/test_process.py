@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 from benchmarks.shared.live import free_port, until
 
+from thumper.dashboard.process import open_pages
+
 
 @pytest.mark.parametrize(("taken", "exit_code"), [("page", 1), ("bus", 3)])
 def test_port_in_use_is_reported_before_the_robot_is_opened(
@@ -45,7 +47,8 @@ import sys, time
 from pathlib import Path
 from thumper.dashboard.process import dashboard_process
 
-with dashboard_process(Path(sys.argv[1]), "127.0.0.1:1"):
+with dashboard_process(Path(sys.argv[1]), "127.0.0.1:1") as url:
+    print(url, flush=True)
     time.sleep(600)
 """
 
@@ -89,7 +92,8 @@ def beside(tmp_path: Path) -> Iterator[Beside]:
 
 
 def test_page_ends_with_its_parent(beside: Beside) -> None:
-    until(lambda: "press Ctrl-C" in beside.log.read_text())
+    until(lambda: open_pages(f"http://localhost:{beside.port}/") == 0)  # it runs
+    assert beside.log.read_text() == f"http://localhost:{beside.port}/\n"
     beside.process.kill()  # no chance to clean up
     beside.process.wait()
     until(lambda: not beside.answers(), 20.0)

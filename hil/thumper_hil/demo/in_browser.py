@@ -114,7 +114,7 @@ def run_in_browser(out: Path, *, seed: int, console: Console, preset: str = "nom
 def wait_for_page(url: str, console: Console) -> None:
     """Wait until a browser shows the page, at most `PAGE_TIMEOUT_S` from when it can."""
     server_end_s = time.monotonic() + SERVER_TIMEOUT_S
-    while open_pages(url) is None and time.monotonic() < server_end_s:  # it prints its address when it runs
+    while open_pages(url) is None and time.monotonic() < server_end_s:
         time.sleep(POLL_S)
     console.print(f"Open {url} in a browser. The robot starts then, or in {PAGE_TIMEOUT_S:g} s.")
     end_s = time.monotonic() + PAGE_TIMEOUT_S

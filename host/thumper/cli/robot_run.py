@@ -121,7 +121,7 @@ def _opened(
         settings, start, known, map_path=map_path, annotations=annotations, datum=datum, opened=path
     )
     with ExitStack() as stack:
-        stack.enter_context(dashboard_process(options.config, settings.bus.address, wanted=options.ui))
+        page = stack.enter_context(dashboard_process(options.config, settings.bus.address, wanted=options.ui))
         with compile_progress(Console()):
             robot = stack.enter_context(opened)
         stack.enter_context(
@@ -129,6 +129,8 @@ def _opened(
         )
         stack.enter_context(join_bus(robot, settings.name, settings.bus))
         stack.enter_context(autosaved(robot, options.out))
+        if page:
+            Console().print(f"dashboard: {page}", soft_wrap=True)
         yield robot
 
 

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from thumper.common.errors import ThumperError
 from thumper.common.parent import parent_environment
 from thumper.config.dashboard import ServerOptions, check_options
+from thumper.dashboard.starting_page import starting_page
 
 
 def bind_port(options: ServerOptions) -> socket.socket:
@@ -32,7 +33,7 @@ def bind_port(options: ServerOptions) -> socket.socket:
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((options.host, options.port))
-        listener.listen()  # a browser that connects during the slow start waits
+        listener.listen()
     except (OSError, socket.gaierror) as error:
         listener.close()
         in_use = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
@@ -47,6 +48,8 @@ def bind_port(options: ServerOptions) -> socket.socket:
 
 
 if TYPE_CHECKING:
+    from fastapi import FastAPI
+
     from thumper.config.robot import RobotConfig
     from thumper.dashboard.guide.guide import Guide
 
@@ -67,16 +70,29 @@ def run_dashboard(
     `guide` is the state of the page `/setup`, which guides through the first run.
     """
     listener = bind_port(options)  # before the slow imports, to report a port in use at once
+    with nullcontext() if options.secure else starting_page(listener):
+        app = _build(settings, options, robot_address, guide)
+    page = "first run" if guide is not None else "dashboard"
+    url = f"{options.url}setup" if guide is not None else options.url
+    print(f"{page}: {url}  (robot at {robot_address}; press Ctrl-C to stop)", flush=True)
+    from thumper.dashboard.server import serve
+
+    serve(app, options, listener)
+
+
+def _build(
+    settings: "RobotConfig", options: ServerOptions, robot_address: str, guide: "Guide | None"
+) -> "FastAPI":
     from thumper.bus.client import BusClient
     from thumper.dashboard.page import PageOptions
     from thumper.dashboard.page_commands import TeleopLimits
-    from thumper.dashboard.server import build_app, serve
+    from thumper.dashboard.server import build_app
 
     service = settings.service
     v_max_m_s = service.manual_v_max_m_s
     if guide is not None:
         v_max_m_s = min(v_max_m_s, GUIDED_V_MAX_M_S)
-    app = build_app(
+    return build_app(
         BusClient(settings.name, robot_address, settings.bus.token, tls=settings.bus.tls, wait=True),
         options,
         PageOptions(
@@ -90,10 +106,6 @@ def run_dashboard(
         settings.lidar.base_from_laser,
         guide,
     )
-    page = "first run" if guide is not None else "dashboard"
-    url = f"{options.url}setup" if guide is not None else options.url
-    print(f"{page}: {url}  (robot at {robot_address}; press Ctrl-C to stop)", flush=True)
-    serve(app, options, listener)
 
 
 class PageProcess:
@@ -124,6 +136,7 @@ class PageProcess:
         return subprocess.Popen(
             self._command,
             stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,  # its address, which this process prints
             env=os.environ | parent_environment(END_TIMEOUT_S),
             start_new_session=True,  # Ctrl-C goes to the robot first
         )
@@ -167,10 +180,11 @@ def _print_line(text: str) -> None:
 @contextmanager
 def dashboard_process(
     config: Path | None, robot_address: str, *, wanted: bool = True, port: int = 0
-) -> Iterator[None]:
-    """Run the page in its own process, if `wanted`, while the robot runs in this one.
+) -> Iterator[str]:
+    """Run the page in its own process, if `wanted`, while the robot runs in this one; yield its address.
 
-    `port` is that of the page; 0 for the configured one.
+    `port` is that of the page; 0 for the configured one. The page needs seconds to start, so the caller
+    prints the address once the robot runs.
 
     Raises
     ------
@@ -180,7 +194,7 @@ def dashboard_process(
         The page is not installed.
     """
     if not wanted:
-        yield
+        yield ""
         return
     from thumper.bus.zenoh_session import check_address_free
     from thumper.config.robot import load_config
@@ -188,7 +202,8 @@ def dashboard_process(
     if find_spec("nicegui") is None:
         raise ModuleNotFoundError(name="nicegui")
     options = load_config(config).dashboard
-    bind_port(check_options(replace(options, port=port or options.port))).close()
+    listening = check_options(replace(options, port=port or options.port))
+    bind_port(listening).close()
     check_address_free(robot_address)  # else the page would show another robot
     command = [sys.executable, "-m", "thumper", "dashboard", "--bus", robot_address]
     if config is not None:
@@ -197,6 +212,6 @@ def dashboard_process(
         command += ["--port", str(port)]
     process = PageProcess(command, _print_line)
     try:
-        yield
+        yield listening.url
     finally:
         process.close()
