@@ -171,13 +171,24 @@ def test_a_run_that_ends_while_it_tunes_frees_the_guide() -> None:
     assert guide.outcomes[Step.START].text == "the robot has stopped: the board is gone"
 
 
-CHANGE = "tracking error at 4 rad/s² 0.150 → 0.080 rad/s"
+LINES = [
+    "tracking error at 4 rad/s² 0.150 → 0.080 rad/s",
+    "tracking error at 8 rad/s² 0.210 → 0.205 rad/s, no change beyond the noise of ±0.010",
+]
+CHANGE = (
+    "while they speed up at 4 rad/s², the wheels miss their speed by 0.080 rad/s, 47% less than before; "
+    "while they speed up at 8 rad/s², the wheels miss their speed by 0.205 rad/s, as before"
+)
 
 
 @pytest.mark.parametrize(
     ("last", "is_tuned", "text"),
     [
-        ("the board uses the new gains", True, f"the board uses the new gains: {CHANGE}. Keep them?"),
+        (
+            "the board uses the new gains",
+            True,
+            f"{CHANGE}. The board uses the new gains. Keep them?",
+        ),
         (NO_BETTER, False, f"{NO_BETTER}: {CHANGE}"),
     ],
 )
@@ -185,7 +196,7 @@ def test_tuning_ends_with_its_figures_and_only_better_gains_are_a_question(
     last: str, is_tuned: bool, text: str
 ) -> None:
     state = ExperimentState(
-        running="tune", share=0.5, what="", lines=[CHANGE, last], problem="", has_report=True
+        running="tune", share=0.5, what="", lines=[*LINES, last], problem="", has_report=True
     )
     states = [state, replace(state, running="")]
     guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)

@@ -7,7 +7,7 @@ from typing import Any
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper_hil.bench.bench import Bench
-from thumper_hil.faults.catalogue import FAULTS, Amount, Choice, FaultValue
+from thumper_hil.faults.catalogue import FAULTS, Amount, Choice, FaultValue, effect_of
 from thumper_hil.world.world_file import suggested_worlds
 
 SMALLEST_PILLAR_M, LARGEST_PILLAR_M = 0.02, 2.0
@@ -25,7 +25,7 @@ class PageControls:
     def describe(self) -> dict[str, Any]:
         """Return the world, all faults with their possible values, the active ones, and the pillars."""
         return {
-            "faults": {name: _values(kind) for name, kind in FAULTS.items()},
+            "faults": {name: {**_values(kind), "effect": effect_of(name)} for name, kind in FAULTS.items()},
             "on": dict(self._active),
             "pillars": self._bench.pillars,
             "world": self._bench.world_name,

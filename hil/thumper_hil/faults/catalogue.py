@@ -72,6 +72,11 @@ class PoseFault:
         return False
 
 
+def effect_of(name: str) -> str:
+    """Return what a fault does, in a few words."""
+    return EFFECTS[".".join(part for part in name.split(".") if part not in SIDES)]
+
+
 def fault_action(name: str, value: object) -> Callable[[Switches], None]:
     """Return the action of a fault on a bench; raise FaultError for an unknown name or invalid value."""
     if name not in FAULTS:
@@ -215,4 +220,28 @@ FAULTS: dict[str, Choice | Amount | PoseFault] = {
     ),
     "robot.carried": PoseFault(),
     "robot.rolled": Amount(apply=_roll, unit="deg", maximum=180.0),
+}
+
+EFFECTS: dict[str, str] = {  # by name without the side
+    "encoder.a": "The input reads high (cut), low (grounded), or its last level (stuck).",
+    "encoder.b": "The input reads high (cut), low (grounded), or its last level (stuck).",
+    "encoder.channels": "Exchanges A and B: the encoder counts backwards.",
+    "encoder.glitches": "Adds random pulses to the encoder's wires, so many per second.",
+    "motor": "No current (dead), reversed wires (swapped), or 0.1 ohm across them (shorted).",
+    "wheels": f"The wheels have {DRAGGING:g} times the friction (dragging), or are jammed (blocked).",
+    "slip": "This share of the wheels' travel does not move the robot.",
+    "input.1": "Closes the protecting switch to ground.",
+    "input.2": "Closes the protecting switch to ground.",
+    "battery.charge": "Sets the charge: 0 is empty, 1 is full.",
+    "battery.resistance": "Sets the internal resistance of the battery.",
+    "adc": "The board measures no voltage and no current any more.",
+    "line.loss": "This share of the serial bytes is lost.",
+    "line.noise": "This share of the serial bytes has a wrong bit.",
+    "host.hang": "The host neither reads nor writes for this time; it ends by itself.",
+    "firmware": "The firmware loops, hangs with interrupts off, or is reset.",
+    **dict.fromkeys(DEVICES, "Its port fails, as if unplugged."),
+    "gps.sky": "The receiver loses its fix.",
+    "gps.offset": "All positions are so far to the east.",
+    "robot.carried": "Moves the robot; inside an obstacle it stays where it was.",
+    "robot.rolled": "Inclines the robot, right side down; only the board's accelerometer notices.",
 }

@@ -55,12 +55,10 @@ class SimulatorPanel:
             self._place = ui.input(label="Pose", placeholder=POSE_HINT).props("dense outlined")
             with button("tp-go").on("click", self._on_apply):
                 ui.html("Apply fault", tag="span", sanitize=False)
+        self._effect = ui.html("", tag="p", sanitize=False).classes("tp-hint")
         self._active = ui.html("", tag="p", sanitize=False).classes("tp-active-faults")
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
-        inline(
-            '<p class="tp-hint">A fault stays active until you set it to ok. '
-            "<code>docs/howto/bench.md</code> describes every fault.</p>"
-        )
+        inline('<p class="tp-hint">A fault stays active until you set it to ok, or to 0.</p>')
         self._on_fault_selected()
         ui.timer(POLL_PERIOD_S, self._poll, immediate=True)
 
@@ -83,6 +81,7 @@ class SimulatorPanel:
 
     def _on_fault_selected(self) -> None:
         fault = self._faults.get(str(self._name.value), {})
+        self._effect.set_content(escape(fault.get("effect", "")))
         self._choice.set_visibility("choices" in fault)
         self._amount.set_visibility("most" in fault)
         self._place.set_visibility("pose" in fault)

@@ -29,7 +29,9 @@ def test_pillar_is_added_and_removed(bench: Bench) -> None:
     before_m = ahead_m(bench)
     controls.apply({"pillar": {"x_m": 1.0, "y_m": 0.0, "radius_m": 0.1}})
     assert ahead_m(bench) == pytest.approx(0.9, abs=1e-6)
-    assert controls.describe()["pillars"] == 1
+    description = controls.describe()
+    assert description["pillars"] == 1
+    assert all(fault["effect"].endswith(".") for fault in description["faults"].values())
     controls.apply({"clear_pillars": True})
     assert ahead_m(bench) == before_m
     assert free_m > 1.0

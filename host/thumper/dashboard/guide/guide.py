@@ -31,6 +31,7 @@ MISSION_END = re.compile(r"(?:goal|route) .*? (reached|not reached|ended): ")
 EXPLORED = re.compile(r"nothing is left to explore|.*; back at the start$")
 RETURNING = re.compile(r"(explored|time is up) after ")  # without "back at the start"
 NO_BETTER = "the new gains are no better; the board uses the old ones again"
+TRACKING = re.compile(r"tracking error at (\S+ rad/s²) (\S+) → (\S+) rad/s(, no change)?")
 SAVED, NOT_SAVED = "map saved: ", "the map was not saved: "
 TURNED = "motor forward"  # in the lines of the wheel check
 
@@ -81,15 +82,22 @@ def progress_text(state: ExperimentState) -> str:
 
 
 def tracking_changes(state: ExperimentState) -> str:
-    """Return the tracking error before and after tuning."""
-    return "; ".join(line for line in state.lines if line.startswith("tracking error"))
+    """Return in words how the tracking error of each ramp changed by tuning."""
+    return "; ".join(_change_text(found) for line in state.lines if (found := TRACKING.match(line)))
+
+
+def _change_text(found: re.Match[str]) -> str:
+    ramp, before, after, no_change = found.groups()
+    share = float(after) / float(before) - 1.0
+    change = "as before" if no_change else f"{abs(share):.0%} {'less' if share < 0.0 else 'more'} than before"
+    return f"while they speed up at {ramp}, the wheels miss their speed by {after} rad/s, {change}"
 
 
 def tuned_text(state: ExperimentState) -> str:
     """Return what tuning brought."""
     if state.lines[-1:] == [NO_BETTER]:
         return f"{NO_BETTER}: {tracking_changes(state)}"
-    return f"the board uses the new gains: {tracking_changes(state)}. Keep them?"
+    return f"{tracking_changes(state)}. The board uses the new gains. Keep them?"
 
 
 class Guide:

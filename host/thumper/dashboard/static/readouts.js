@@ -53,7 +53,7 @@ const FIELDS = {
   robot: ({ status }) => status?.robot ?? "",
   mode: ({ status, experiment }) => (experiment?.running
     ? EXPERIMENTS[experiment.running] ?? formatName(experiment.running) : formatName(status?.mode)),
-  reason: ({ status, experiment }) => (experiment?.running ? experiment.what : status?.reason ?? ""),
+  reason: ({ status, experiment }) => (experiment?.running ? experiment.what : status?.reason || firstStep(status)),
   board_state: (values) => BOARD_STATES[boardState(values)] ?? formatName(boardState(values)),
   battery: ({ board }) => formatVolts(board?.battery_V),
   distance: ({ status }) => (status?.has_goal ? formatMetres(status.distance_to_goal_m) : NO_VALUE),
@@ -79,6 +79,10 @@ const FIELDS = {
   fault_cure: ({ status }) => (repeatsName(status) ? "" : status?.fault_cure ?? ""),
   operator: ({ operator }) => (!operator ? "nobody" : operator === state.pageId ? "this page" : "another page"),
 };
+
+// What to do with a robot that has done nothing yet.
+const firstStep = (status) => (status?.mode?.toLowerCase() === "idle"
+  ? "choose Goal (G) and click on the map, or press Arm and drive with the joystick" : "");
 
 const boardState = ({ board, status }) => board?.state ?? status?.board_state;
 
