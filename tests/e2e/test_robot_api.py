@@ -128,7 +128,7 @@ def test_patrol_drives_all_rounds_and_logs_every_pose() -> None:
         assert (waits_s > 2.9).all()
         assert 1.0 < result.path_length_m < 3.0
         assert robot.pose.theta_rad == pytest.approx(1.57, abs=0.3)
-        robot.drive(v_m_s=0.1)
+        robot.drive(v_m_s=0.1, duration_s=1.0)
         poses, speeds = robot.log.poses, robot.log.speeds
     assert poses[-1, 0] - poses[0, 0] == pytest.approx(speeds[-1, 0] - speeds[0, 0], abs=0.5)
 
@@ -208,13 +208,16 @@ def test_each_result_has_the_time_and_length_of_its_drive() -> None:
 @pytest.mark.parametrize(
     ("call", "why"),
     [
-        (lambda robot: robot.drive(v_m_s=math.nan), "finite"),
-        (lambda robot: robot.drive(v_m_s=9.0), r"drive: v_m_s: choose -.*m/s \(\[service\]"),
+        (lambda robot: robot.drive(v_m_s=math.nan, duration_s=1.0), "finite"),
+        (lambda robot: robot.drive(v_m_s=9.0, duration_s=1.0), r"drive: v_m_s: choose -.*m/s \(\[service\]"),
         (lambda robot: robot.drive(v_m_s=0.1, duration_s=0.0), "drive: duration_s: choose more than 0"),
         (lambda robot: robot.goto(math.nan, 0.0), "goto: x_m: nan is not a finite number"),
         (lambda robot: robot.goto(0.5, 0.0, heading_rad=math.inf), "goto: heading_rad: inf is not a finite"),
         (lambda robot: robot.goto(0.5, 0.0, tolerance_m=0.0), r"0\.02\.\.\.1 m"),
-        (lambda robot: robot.drive(v_m_s=cast("float", "a")), "drive: v_m_s: 'a' is not a number"),
+        (
+            lambda robot: robot.drive(v_m_s=cast("float", "a"), duration_s=1.0),
+            "drive: v_m_s: 'a' is not a number",
+        ),
         (
             lambda robot: robot.drive(duration_s=cast("float", None)),
             "drive: duration_s: None is not a number",
@@ -310,7 +313,7 @@ def test_a_pause_of_the_script_does_not_shorten_the_next_call(ports: tuple[Path,
 
 def test_a_closed_robot_explains_how_to_open_it() -> None:
     with pytest.raises(ThumperError, match="with Robot"):
-        Robot("sim://").drive(v_m_s=0.1)
+        Robot("sim://").drive(v_m_s=0.1, duration_s=1.0)
 
 
 @pytest.mark.parametrize(

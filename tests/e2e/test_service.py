@@ -104,7 +104,7 @@ def test_a_goal_in_a_wall_is_refused(service: Service) -> None:
     answer = service.ask("mission/send", {"x_m": 1.73 + 0.25, "y_m": 1.2})
     far = service.ask("mission/send", {"x_m": 900.0, "y_m": 0.0})
     assert not far["ok"]
-    assert "choose one within 50 m" in far["error"]
+    assert "choose a goal at most 50 m away" in far["error"]
     assert service.mode == ("driving" if answer["ok"] else "idle")
 
 

@@ -210,7 +210,7 @@ class Robot:
         self._target = target if result.reached else None
         return result
 
-    def drive(self, *, v_m_s: float = 0.0, w_rad_s: float = 0.0, duration_s: float = 1.0) -> None:
+    def drive(self, *, v_m_s: float = 0.0, w_rad_s: float = 0.0, duration_s: float) -> None:
         """Drive at this speed (forward, counter-clockwise) for `duration_s`, then stop. Ignores obstacles.
 
         Raises

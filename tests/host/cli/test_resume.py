@@ -100,7 +100,7 @@ def drive_to(
 
 
 def test_a_refused_goal_leaves_no_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(ThumperError, match="choose one within 50 m"):
+    with pytest.raises(ThumperError, match="choose a goal at most 50 m away"):
         drive_to(100.0, tmp_path, monkeypatch, "refused")
     assert list(tmp_path.iterdir()) == []
 
@@ -109,7 +109,7 @@ def test_a_failure_after_a_refusal_keeps_the_session_of_a_crash(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     save_session(SavedSlamState(counts=COUNTS, map_from_base=Pose2(x_m=1.0)), tmp_path / AUTOSAVE)
-    with pytest.raises(ThumperError, match="choose one within 50 m"):
+    with pytest.raises(ThumperError, match="choose a goal at most 50 m away"):
         drive_to(100.0, tmp_path, monkeypatch, "refused_again")
     assert (tmp_path / AUTOSAVE).exists()
 

@@ -18,8 +18,8 @@ def check_distance(goal: Goal, map_from_base: Pose2, place: str = "the robot") -
     """Raise ThumperError if the goal is too far from the robot, or from where it will be: `place`."""
     if (distance_m := goal.distance_m(map_from_base)) > MAX_GOAL_DISTANCE_M:
         raise ThumperError(
-            f"goal {goal} is {distance_m:.0f} m from {place}; "
-            f"choose one within {MAX_GOAL_DISTANCE_M:.0f} m of it",
+            f"goal {goal} is {distance_m:.0f} m from {place}; choose a goal at most "
+            f"{MAX_GOAL_DISTANCE_M:.0f} m away",
             exit_code=EXIT_USAGE,
         )
 

@@ -23,5 +23,5 @@ def test_each_goal_is_checked_from_the_one_before(start: Pose2 | None) -> None:
 
 def test_the_first_is_checked_from_a_known_start() -> None:
     check_distances(goals(FAR), None)
-    with pytest.raises(ThumperError, match="99 m from the start; choose one within 50 m of it"):
+    with pytest.raises(ThumperError, match="99 m from the start; choose a goal at most 50 m away"):
         check_distances(goals(FAR), Pose2())
