@@ -78,10 +78,3 @@ def test_every_key_is_explained() -> None:
     )
     words = set(re.findall(r"\w+", text))
     assert {key for _, key in keys_of(RobotConfig)} <= explained | words
-
-
-def test_exit_codes_read_as_in_the_readme() -> None:
-    pages = [page.read_text(encoding="utf-8") for page in (ROOT / "README.md", REFERENCE / "cli.md")]
-    readme, reference = (re.findall(r"^\| \d+ \| .+ \|$", page, re.MULTILINE) for page in pages)
-    assert len(readme) == 6
-    assert readme == reference
