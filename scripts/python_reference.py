@@ -73,7 +73,7 @@ def _class(kind: type, members: tuple[str, ...] | None) -> Iterator[str]:
         yield "| call | what it does |\n|---|---|"
         for name, method in methods.items():
             first, _, _ = _text(method).partition("\n\n")
-            yield f"| [`{name}`](#robot{name.replace('_', '')}) | {' '.join(first.split())} |"
+            yield f"| [`{name}`](#robot{name}) | {' '.join(first.split())} |"
         yield ""
     for name, member in methods.items():
         yield f"### {kind.__name__}.{name}\n"

@@ -38,7 +38,10 @@ from thumper_hil.demo.outcome import Outcome
 NEXT_STEPS = (  # command, what it shows
     ("demo --ui", "the same in the browser, in real time; then you drive the robot"),
     ("explore --board 'sim://?world=lab_box'", "the robot explores the room and comes back"),
-    ("tune --board 'sim://?world=hall' --yes", "identify its motors and design the gains"),
+    (
+        "tune --board 'sim://?world=hall' --yes",
+        "identify its motors; the gains that it has suit them already",
+    ),
 )
 FOOTNOTE = (
     "Wheel speed error: ramped set-point of the firmware minus measured speed, straight run, while moving. "

@@ -82,7 +82,7 @@ const FIELDS = {
 
 // What to do with a robot that has done nothing yet.
 const firstStep = (status) => (status?.mode?.toLowerCase() === "idle"
-  ? "choose Goal (G) and click on the map, or press Arm and drive with the joystick" : "");
+  ? "choose Goal (G) and click the map, or Arm to drive" : "");
 
 const boardState = ({ board, status }) => board?.state ?? status?.board_state;
 
