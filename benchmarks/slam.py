@@ -1,6 +1,6 @@
 """SLAM on recorded logs: CPU time per scan and error of relative poses, next to other programs.
 
-Run: python benchmarks/slam.py [--data FOLDER] [--method slam|scan_match|rbpf] [--seeds N]
+Run: python benchmarks/slam.py [--data FOLDER] [--method slam|scan_match|rbpf] [--seeds N] [--vary]
 
 The logs are in the folder's subfolder `slam`; the default folder is THUMPER_DATA or ../shared/data.
 """
@@ -17,10 +17,12 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from thumper.common.geometry import FloatArray
 from thumper.offline.metrics import RelationErrors, load_relations, relation_errors, squareness
 from thumper.offline.open_log import open_log
 from thumper.offline.robot_log import RobotLog
 from thumper.slam.factory import MappingOptions, Method, make_mapper
+from thumper.slam.scan_matching.gauss_newton import MatchOptions
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -36,6 +38,19 @@ INTEL_PEERS = (
     ("BreezySLAM", "2.35 ± 3.71", "14.0 ± 21.0", "2.35"),
 )
 
+# integrate_distance_m, integrate_angle_rad and matching.beam_std_m: the defaults, and sets near them.
+VARIED = (
+    (0.1, 0.1, 0.05),
+    (0.09, 0.1, 0.05),
+    (0.11, 0.1, 0.05),
+    (0.12, 0.1, 0.05),
+    (0.1, 0.1, 0.045),
+    (0.1, 0.1, 0.055),
+    (0.1, 0.12, 0.05),
+    (0.1, 0.08, 0.05),
+)
+LEFT_OUT = (5, 17, 40, 90, 150, 260, 333, 410)  # scans at the start of the log
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
@@ -47,10 +62,8 @@ class Run:
     inserted: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 
-def run(log: RobotLog, method: Method, seed: int) -> Run:
+def run(log: RobotLog, options: MappingOptions) -> Run:
     """Map the log as on the robot and time each scan."""
-    options = MappingOptions(method=method)
-    options = replace(options, filter=replace(options.filter, seed=seed))
     mapper = make_mapper(options, base_from_laser=log.base_from_laser)
     mapper.warm_up()
     online, cpu_ms, inserted = [], [], []
@@ -64,6 +77,38 @@ def run(log: RobotLog, method: Method, seed: int) -> Run:
     return Run(
         poses=mapper.path(), online=np.array(online), cpu_ms=np.array(cpu_ms), inserted=np.array(inserted)
     )
+
+
+def seeded(method: Method, seed: int) -> MappingOptions:
+    """Return the default options with this seed of the particle filter."""
+    options = MappingOptions(method=method)
+    return replace(options, filter=replace(options.filter, seed=seed))
+
+
+def vary(log: RobotLog, relations: FloatArray, method: Method, console: Console) -> None:
+    """Print how far the path error of Intel depends on chance: options near the defaults, later starts."""
+    errors_m = []
+    for distance_m, angle_rad, beam_std_m in VARIED:
+        options = MappingOptions(
+            method=method,
+            integrate_distance_m=distance_m,
+            integrate_angle_rad=angle_rad,
+            matching=MatchOptions(beam_std_m=beam_std_m),
+        )
+        errors_m.append(float(relation_errors(run(log, options).poses, relations).translation_m.mean()))
+    _print_spread("options near the defaults", errors_m, console)
+    late, errors_m = relations[relations[:, :2].min(axis=1) >= max(LEFT_OUT)], []
+    for count in LEFT_OUT:
+        result = run(replace(log, records=log.records[count:]), MappingOptions(method=method))
+        shifted = late - np.array([count, count, 0.0, 0.0, 0.0])
+        errors_m.append(float(relation_errors(result.poses, shifted).translation_m.mean()))
+    _print_spread(f"without the first {LEFT_OUT[0]} to {LEFT_OUT[-1]} scans", errors_m, console)
+
+
+def _print_spread(what: str, errors_m: list[float], console: Console) -> None:
+    each = " ".join(f"{error_m:.4f}" for error_m in errors_m)
+    mean_m, std_m = np.mean(errors_m), np.std(errors_m, ddof=1)
+    console.print(f"Intel, {what}: path {mean_m:.4f} ± {std_m:.4f} m; {each}", soft_wrap=True)
 
 
 def timing(name: str, result: Run) -> str:
@@ -129,22 +174,26 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=default, help="folder that contains slam/")
     parser.add_argument("--method", choices=("slam", "scan_match", "rbpf"), default="slam")
     parser.add_argument("--seeds", type=int, default=1, help="run the particle filter with seeds 1 to N")
+    parser.add_argument("--vary", action="store_true", help="only the spread of the path error on Intel")
     arguments = parser.parse_args()
     folder, method = arguments.data / "slam", arguments.method
     console = Console()
     require_data(folder / "intel-lab.clf.gz")
+    intel = open_log(folder / "intel-lab.clf.gz")
+    relations = load_relations(folder / "intel-lab.relations-by-scan.gz")
+    if arguments.vary:
+        vary(intel, relations, method, console)
+        return
 
     mines = open_log(folder / "mines-exp1.dat.gz")
     seeds = range(arguments.seeds, 0, -1)  # the tables show seed 1
     for seed in seeds:
-        result = first = run(mines, method, seed)
+        result = first = run(mines, seeded(method, seed))
         console.print(timing(f"MINES, seed {seed}", result), soft_wrap=True)
         console.print(f"MINES, seed {seed}: squareness {squareness(mines, result.poses):.3f}")
-    intel = open_log(folder / "intel-lab.clf.gz")
-    relations = load_relations(folder / "intel-lab.relations-by-scan.gz")
     means = []  # path [m], path [deg], online [m]
     for seed in seeds:
-        result = run(intel, method, seed)
+        result = run(intel, seeded(method, seed))
         errors, online = relation_errors(result.poses, relations), relation_errors(result.online, relations)
         console.print(timing(f"Intel, seed {seed}", result), soft_wrap=True)
         console.print(accuracy(f"Intel, seed {seed}", errors, online), soft_wrap=True)
