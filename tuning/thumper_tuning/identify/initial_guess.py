@@ -7,7 +7,7 @@ import numpy as np
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.least_squares import MAX_DELAY_S, FitData
 from thumper_tuning.identify.model import MotorModel
-from thumper_tuning.identify.motor_response import DriveSignal, MotorParameters, simulate
+from thumper_tuning.identify.motor_response import one_pole
 from thumper_tuning.identify.prediction import observe
 from thumper_tuning.identify.realization import (
     impulse_response,
@@ -52,13 +52,15 @@ def initial_guesses(data: FitData, era_s: float | None) -> list[InitialGuess]:
     plausible = np.abs(y) <= GLITCH_FACTOR * np.percentile(nonzero, 90)
     plausible &= ~np.concatenate([s.is_clipped for s in data.segments])
     moving = 0.03 * float(np.percentile(np.abs(y), 95))
+    y = y[plausible]
+    floor = 1e-3 * float(np.percentile(np.abs(y), 95)) + 1e-12
     found = []
     for delay_s in delays_s(period_s):
         best: InitialGuess | None = None
+        inputs = [(s, _inputs(s, delay_s, moving)) for s in data.segments]
         for tau_s in time_constants_s:
-            filters = _Filters(tau_s=tau_s, delay_s=delay_s)
-            X = np.concatenate([filters.regressors(s, moving) for s in data.segments])
-            theta, residual = _fit_l1(X[plausible], y[plausible])
+            X = np.concatenate([_regressors(s, part, tau_s, delay_s) for s, part in inputs], axis=1).T
+            theta, residual = _fit_l1(X[plausible], y, floor)
             if theta[0] <= 0.0 or (best is not None and residual >= best.residual_rad_s):
                 continue
             model = MotorModel(
@@ -83,45 +85,31 @@ def era_time_constant_s(segments: list[LogSegment]) -> float | None:
     return tau_s if tau_s is not None and TIME_CONSTANTS_S[0] < tau_s < TIME_CONSTANTS_S[-1] else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Filters:
-    """One-pole filter with dead time, for signals of a segment."""
-
-    tau_s: float
-    delay_s: float
-
-    def regressors(self, s: LogSegment, moving_rad_s: float) -> FloatArray:
-        """Return filtered drive and filtered signs of motion, shape (n, 3)."""
-        forward = s.speed_rad_s > moving_rad_s
-        backward = s.speed_rad_s < -moving_rad_s
-        last = len(forward) - 1
-        # The drive of the row at which a window ends is the better guess for what happens in the window.
-        at = np.clip(np.searchsorted(s.edge_s[1:], s.change_s + 0.5 * s.windows_s.min()), 0, last)
-        shifted = np.clip(np.searchsorted(s.edge_s[1:], s.change_s + self.delay_s + 1e-9), 0, last)
-        in_motion = (forward | backward)[at] | (forward | backward)[shifted]
-        signs = (forward.astype(float), -backward.astype(float))
-        columns = [self._apply(s, np.where(in_motion, s.drive, 0.0))]  # at rest, friction cancels the drive
-        columns += [self._apply(s, sign[shifted]) for sign in signs]
-        return np.column_stack(columns)
-
-    def _apply(self, s: LogSegment, values: FloatArray) -> FloatArray:
-        initial = 0.0 if s.at_rest else float(values[0])
-        signal = DriveSignal(change_s=s.change_s, drive=values, initial=initial)
-        one_pole = MotorParameters(
-            gain=1.0,
-            tau_s=float(self.tau_s),
-            friction_forward=0.0,
-            friction_backward=0.0,
-            breakaway_ratio=1.0,
-            delay_s=self.delay_s,
-        )
-        return observe(s, lambda t, w: simulate(signal, t, w, one_pole), initial)
+def _inputs(s: LogSegment, delay_s: float, moving_rad_s: float) -> FloatArray:
+    """Return drive and signs of motion at the segment's changes, shape (3, m)."""
+    forward = s.speed_rad_s > moving_rad_s
+    backward = s.speed_rad_s < -moving_rad_s
+    last = len(forward) - 1
+    # The drive of the row at which a window ends is the better guess for what happens in the window.
+    at = np.clip(np.searchsorted(s.edge_s[1:], s.change_s + 0.5 * s.windows_s.min()), 0, last)
+    shifted = np.clip(np.searchsorted(s.edge_s[1:], s.change_s + delay_s + 1e-9), 0, last)
+    in_motion = (forward | backward)[at] | (forward | backward)[shifted]
+    drive = np.where(in_motion, s.drive, 0.0)  # at rest, friction cancels the drive
+    return np.stack((drive, forward[shifted].astype(float), -backward[shifted].astype(float)))
 
 
-def _fit_l1(X: FloatArray, y: FloatArray) -> tuple[FloatArray, float]:
-    """Fit y = X theta by reweighted least squares; return theta and the mean absolute residual."""
+def _regressors(s: LogSegment, inputs: FloatArray, tau_s: float, delay_s: float) -> FloatArray:
+    """Return the inputs behind a one-pole filter with dead time, as the log would hold them, shape (3, n)."""
+    initial = np.zeros(len(inputs)) if s.at_rest else inputs[:, 0]
+    return observe(s, lambda t, w: one_pole(s.change_s + delay_s, inputs, t, w, tau_s), initial)
+
+
+def _fit_l1(X: FloatArray, y: FloatArray, floor: float) -> tuple[FloatArray, float]:
+    """Fit y = X theta by reweighted least squares; return theta and the mean absolute residual.
+
+    Residuals far below `floor` weigh the same.
+    """
     weights = np.ones(len(y))
-    floor = 1e-3 * float(np.percentile(np.abs(y), 95)) + 1e-12
     theta: FloatArray = np.zeros(X.shape[1])
     for _ in range(REWEIGHTINGS):
         # A direction that the log does not have is a column of zeros: the normal equations may be singular.

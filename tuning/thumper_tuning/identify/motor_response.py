@@ -131,3 +131,48 @@ def simulate(
         angles[j] = angle
         speeds[j] = omega
     return angles, speeds
+
+
+@kernel
+def one_pole(
+    change_s: FloatArray, inputs: FloatArray, query_s: FloatArray, initial: FloatArray, tau_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return angles and speeds of motors without friction, of gain 1, at the query times.
+
+    Parameters
+    ----------
+    change_s : ndarray, shape (m,)
+        Times at which the inputs change [s].
+    inputs : ndarray, shape (k, m)
+        The input of each motor from `change_s` on.
+    query_s : ndarray, shape (n,)
+        Increasing times [s].
+    initial : ndarray, shape (k,)
+        Speeds at `query_s[0]`, and the inputs before the first change.
+    tau_s : float
+        Time constant [s].
+
+    Returns
+    -------
+    angles, speeds : ndarray, shape (k, n)
+    """
+    count, n = len(inputs), len(query_s)
+    angles, speeds = np.zeros((count, n)), np.zeros((count, n))
+    u, omega, angle = initial.copy(), initial.copy(), np.zeros(count)
+    t_s, i = query_s[0], 0
+    for j in range(n):
+        while True:
+            while i < len(change_s) and change_s[i] <= t_s:
+                u[:] = inputs[:, i]
+                i += 1
+            if t_s >= query_s[j]:
+                break
+            until_s = min(change_s[i], query_s[j]) if i < len(change_s) else query_s[j]
+            decay = math.exp(-(until_s - t_s) / tau_s)
+            for k in range(count):
+                after = u[k] + (omega[k] - u[k]) * decay
+                angle[k] += u[k] * (until_s - t_s) + tau_s * (omega[k] - after)
+                omega[k] = after
+            t_s = until_s
+        angles[:, j], speeds[:, j] = angle, omega
+    return angles, speeds

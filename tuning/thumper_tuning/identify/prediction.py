@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,7 +18,9 @@ HEAD_TIME_CONSTANTS = 3.0  # the windows after a start in motion that still show
 HEAD_SHARE = 0.15  # of a segment's windows at most: the others show whether the model predicts
 FIRST_SHARE = 0.9  # of the information in the first window alone: with more, the others add nothing
 
-Response = Callable[[FloatArray, float], tuple[FloatArray, FloatArray]]
+Speed = TypeVar("Speed", float, FloatArray)  # of one motor, or of several
+Motion = tuple[FloatArray, FloatArray]
+Response = Callable[[FloatArray, float], Motion]
 """Angles [rad] and speeds [rad/s] at the times [s], from the speed [rad/s] at the first of them."""
 
 
@@ -41,20 +44,21 @@ def predict_by(response: Response, segment: LogSegment, model: MotorModel) -> Fl
     return np.clip(speeds, -segment.ceiling_rad_s, segment.ceiling_rad_s)
 
 
-def observe(s: LogSegment, response: Response, omega: float) -> FloatArray:
-    """Return what the log would hold of a motor that responds so, from speed `omega`, shape (n,)."""
+def observe(s: LogSegment, response: Callable[[FloatArray, Speed], Motion], omega: Speed) -> FloatArray:
+    """Return what the log would hold of motors that respond so, from speed `omega`, shape (..., n)."""
     if s.sensor_window_s is None:
         return np.diff(response(s.edge_s, omega)[0]) / s.windows_s
     if s.sensor_window_s < LEAST_WINDOW_S:
-        return response(s.edge_s, omega)[1][1:]
+        return response(s.edge_s, omega)[1][..., 1:]
     begins_s = s.edge_s[1:] - s.sensor_window_s
     times_s = np.concatenate((s.edge_s, np.maximum(begins_s, s.edge_s[0])))
     order = np.argsort(times_s, kind="stable")  # merges two sorted parts
-    angles = np.empty(len(times_s))
-    angles[order], _ = response(times_s[order], omega)
+    sorted_angles, _ = response(times_s[order], omega)
+    angles = np.empty(sorted_angles.shape)
+    angles[..., order] = sorted_angles
     n = len(s.edge_s)
-    before = omega * np.maximum(s.edge_s[0] - begins_s, 0.0)  # turned before the segment
-    turned: FloatArray = angles[1:n] - angles[n:] + before
+    before = np.multiply.outer(omega, np.maximum(s.edge_s[0] - begins_s, 0.0))  # turned before the segment
+    turned: FloatArray = angles[..., 1:n] - angles[..., n:] + before
     return turned / s.sensor_window_s
 
 

@@ -1,4 +1,4 @@
-"""Linear models of a log by python-control: impulse response (`markov`) and ERA (`eigensys_realization`).
+"""Linear models of a log: impulse response, and ERA by python-control (`eigensys_realization`).
 
 A linear model has no friction. It sees the drive without it: minus the friction of a fit where the motor
 turns, zero where it rests. Without a fit, the mean of each direction is subtracted from drive and speed.
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from thumper.common.geometry import FloatArray
 from thumper_tuning.identify.model import MotorModel
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 RESPONSE_S = 1.2
 MIN_MARKOV, MAX_MARKOV = 8, 80
 REGULAR = 0.2  # windows may differ by this share; a linear discrete model has one period
-FILL_ROUNDS, FILLED = 12, 1e-4  # relative change of the parameters that ends the filling
 AT_REST = 0.03  # of the 95th percentile of the speed
 
 
@@ -93,22 +93,14 @@ def mean_drive(s: LogSegment) -> FloatArray:
 def impulse_response(record: LinearRecord, use: BoolArray | None = None) -> FloatArray:
     """Return the Markov parameters [D CB CAB ...] of the windows that `use` marks.
 
-    `control.markov` needs a record without gaps. Unknown speeds are filled with the prediction of the
-    previous round, so that at the end they decide nothing.
+    This is the least-squares problem of `control.markov`, which needs every row, without the unknown rows.
     """
-    import control
-
     known = record.known.copy()
     if use is not None:
         known[record.window] &= use
-    filled = np.where(known, record.speed, 0.0)
-    markov = np.zeros(record.markov_count)
-    for _ in range(FILL_ROUNDS):
-        last, markov = markov, np.ravel(control.markov(filled, record.drive, record.markov_count))
-        if np.abs(markov - last).max() < FILLED * np.abs(markov).max():
-            break
-        filled = np.where(known, record.speed, np.convolve(record.drive, markov)[: len(record.drive)])
-    return markov
+    count = record.markov_count
+    history = sliding_window_view(np.concatenate((np.zeros(count - 1), record.drive)), count)[:, ::-1]
+    return np.asarray(np.linalg.lstsq(history[known], record.speed[known], rcond=None)[0], dtype=float)
 
 
 def realize(markov: FloatArray, order: int, period_s: float) -> "control.StateSpace":
