@@ -70,13 +70,13 @@ def test_a_renamed_argument_class_does_not_break_an_upgrade(program: Path) -> No
     assert run(program) == "42 1"
 
 
-@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
-def test_a_truncated_file_is_written_again(program: Path, suffix: str) -> None:
+def test_a_truncated_file_is_written_again(program: Path) -> None:
     run(program)
-    (file,) = (program.parent / "cache").rglob(f"*.{suffix}")
-    file.write_bytes(file.read_bytes()[:-7])
-    assert run(program) == "42 0"
-    assert run(program) == "42 1"
+    for suffix in ("nbi", "nbc"):
+        (file,) = (program.parent / "cache").rglob(f"*.{suffix}")
+        file.write_bytes(file.read_bytes()[:-7])
+        assert run(program) == "42 0", suffix
+        assert run(program) == "42 1", suffix
 
 
 def test_a_kernel_is_compiled_around_one_from_disk(program: Path) -> None:
