@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 
+from thumper.board.messages import Telemetry
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.common.kinematics import WheelSpeeds
@@ -28,6 +29,7 @@ CLASSES: dict[type, tuple[str, ...] | None] = {  # their methods; None for all
     Scan: ("angles_rad",),
     OccupancyGrid: ("cell_of", "centre_of"),
     WheelSpeeds: (),
+    Telemetry: (),
     DriveLog: ("poses", "speeds"),
     ThumperError: (),
 }
