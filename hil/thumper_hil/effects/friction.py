@@ -20,7 +20,7 @@ AXLE_M = 0.14
 HALF_TRACK_M = 0.1225
 WHEELS = 6
 TOO_MUCH = frozenset({"deep_carpet"})
-"""Floors on which turning on the spot exceeds the default current limit of 8 A."""
+"""Floors on which some robots exceed the default current limit of 8 A when they turn on the spot."""
 
 
 @cache

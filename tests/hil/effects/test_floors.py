@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 from typing import Any
-from unittest.mock import patch
 
 import pytest
 
@@ -14,23 +13,23 @@ from thumper.common.kinematics import WheelSpeeds
 from thumper_hil.bench import simulation
 from thumper_hil.chip.robot_params import RobotParams
 from thumper_hil.effects.friction import TOO_MUCH, floor_friction, floors, scrub_moment_Nm, traction_Nm
-from thumper_hil.effects.preset import Preset, load_preset
+from thumper_hil.effects.preset import PRESETS
+
+TRACK_M, RADIUS_M = 0.3675, 0.062
 
 
-def turn_on(floor: str, turn_rad: float = math.tau) -> tuple[float, Fault]:
-    """Turn on the spot at 0.6 rad/s with a battery at 10 %; return the angle and the board's fault."""
-    nominal = load_preset("nominal")
-
-    def on_floor(_name: str) -> Preset:
-        return replace(nominal, body=replace(nominal.body, floor=floor))
-
-    with patch("thumper_hil.bench.bench.load_preset", on_floor):
-        board = Board.open(f"sim://{floor}/board?world=hall&charge=0.1", baud=500_000)
-    bench = simulation(floor)
+def turn_on(floor: str, preset: str, seed: int, speed_rad_s: float) -> tuple[float, Fault]:
+    """Turn on the spot with a battery at 10 %; return the angle and the board's fault."""
+    name = f"{preset}-{floor}-{seed}"
+    url = f"world=hall&charge=0.1&floor={floor}&preset={preset}&seed={seed}"
+    board = Board.open(f"sim://{name}/board?{url}", baud=500_000)
+    bench = simulation(name)
     board.command(Command.ARM)
     turned_rad, before_rad, fault = 0.0, 0.0, Fault.NONE
-    while turned_rad < turn_rad and bench.time_s < 30.0 and fault is Fault.NONE:
-        board.set_wheel_speeds(WheelSpeeds(left_rad_s=-1.78, right_rad_s=1.78))
+    wheel_rad_s = 0.5 * TRACK_M / RADIUS_M * speed_rad_s
+    until_s = bench.time_s + 2.0 * math.tau / speed_rad_s
+    while turned_rad < math.tau and bench.time_s < until_s and fault is Fault.NONE:
+        board.set_wheel_speeds(WheelSpeeds(left_rad_s=-wheel_rad_s, right_rad_s=wheel_rad_s))
         for sample in board.poll(0.5):
             fault = sample.telemetry.fault
         now_rad = bench.chip.truth().map_from_base.theta_rad
@@ -40,14 +39,19 @@ def turn_on(floor: str, turn_rad: float = math.tau) -> tuple[float, Fault]:
     return turned_rad, Fault(fault)
 
 
-@pytest.mark.parametrize("floor", sorted(floors().keys() - {"stand"}))
-def test_the_robot_turns_a_full_circle_or_the_floor_is_too_much(floor: str) -> None:
-    turned_rad, fault = turn_on(floor)
-    if floor in TOO_MUCH:
-        assert fault is Fault.OVER_CURRENT
-    else:
-        assert fault is Fault.NONE
-        assert turned_rad > 6.2
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("floor", sorted(floors().keys() - {"stand"} - TOO_MUCH))
+def test_the_robot_turns_a_full_circle(floor: str, preset: str) -> None:
+    for seed, speed_rad_s in ((1, 0.6), (2, 1.5)):
+        turned_rad, fault = turn_on(floor, preset, seed, speed_rad_s)
+        assert fault is Fault.NONE, (seed, speed_rad_s)
+        assert turned_rad > 6.2, (seed, speed_rad_s)
+
+
+@pytest.mark.parametrize(("preset", "seed"), [("nominal", 1), ("hard", 3)])
+@pytest.mark.parametrize("floor", sorted(TOO_MUCH))
+def test_some_robots_cannot_turn_on_a_floor_that_is_too_much(floor: str, preset: str, seed: int) -> None:
+    assert turn_on(floor, preset, seed, 0.6)[1] is Fault.OVER_CURRENT
 
 
 def test_grip_and_turning_resistance_come_from_one_coefficient() -> None:
