@@ -3,7 +3,7 @@
 The potential solves |grad potential| = cost: each cell takes its value from its cheaper horizontal and its
 cheaper vertical neighbour, so it has no octile kinks (Sethian, "A fast marching level set method", 1996).
 Two buckets replace the heap. A cell whose value falls later is expanded again (label correcting), so the
-result does not depend on the order.
+values that the search has settled do not depend on the order. Those at its edge do.
 """
 
 import math
