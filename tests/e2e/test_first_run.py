@@ -49,9 +49,8 @@ def follow(tmp_path: Path) -> None:
         page.on("pageerror", lambda error: problems.append(str(error)))
         walk = Guided(page, tmp_path)
         with walk.server():
-            expect(page.locator("#tp-banner")).to_have_text(
-                "Waiting for the robot …"
-            )  # STOP has a connection
+            banner = page.locator("#tp-banner")  # the page has a connection for STOP
+            expect(banner).to_have_text("No robot yet: begin with step 1.")
             page.get_by_label("World of a simulated robot").click()
             page.get_by_role("option", name="House").click()
             walk.click("Simulated robot")

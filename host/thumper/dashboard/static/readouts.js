@@ -98,11 +98,15 @@ function formatDuration(seconds) {
 }
 
 // Return the banner's kind and text. `silent_s` is the time since the robot's last message; null before the first.
+// A page without an `address` starts the robot itself.
 function bannerContent({ status, silent_s }, address) {
   if (!state.connected) return ["lost", "No connection to the dashboard server. Manual driving stops, a goal goes on."];
-  if (isMissing(silent_s)) return ["lost", `No robot at ${address}; start \`thumper run\`.`];
+  if (isMissing(silent_s)) {
+    return ["lost", address ? `No robot at ${address}; start \`thumper run\`.` : "No robot yet: begin with step 1."];
+  }
   if (silent_s > LINK_LOST_S) {
-    return ["lost", `No data from the robot for ${silent_s.toFixed(0)} s. Is \`thumper run\` still running?`];
+    const hint = address ? " Is `thumper run` still running?" : "";
+    return ["lost", `No data from the robot for ${silent_s.toFixed(0)} s.${hint}`];
   }
   if (!status) return ["lost", "Waiting for the robot …"];
   if (state.playback) return ["playback", state.banner];
@@ -136,7 +140,8 @@ function refresh() {
   flags.fault = Boolean(status.fault);
   flags.board = (kind === "lost" ? "" : boardState(values) ?? "").toLowerCase();
   const isArmed = ["closed_loop", "manual"].includes(flags.board);
-  const isGone = state.connected && (isMissing(values.silent_s) || values.silent_s > GONE_S);
+  const isSilent = isMissing(values.silent_s) || values.silent_s > GONE_S;
+  const isGone = Boolean(banner?.dataset.address) && state.connected && isSilent;
   for (const button of document.querySelectorAll(NEEDS_ROBOT)) button.disabled = isGone;
   document.querySelector(".tp-arm")?.setAttribute("aria-pressed", isArmed);
   flags.batteryLow = Boolean(values.board?.battery_low);
