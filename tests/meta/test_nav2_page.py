@@ -6,6 +6,7 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml  # type: ignore[import-untyped]
@@ -42,7 +43,8 @@ def test_the_merged_file_has_the_robots_frames_and_footprint(
     merged: dict[str, dict[str, dict[str, object]]],
 ) -> None:
     bt_navigator = merged["bt_navigator"]["ros__parameters"]
-    assert bt_navigator == {"robot_base_frame": BASE, "odom_topic": "/odom", "use_sim_time": False}
+    kept = {"odom_topic": "/odom", "use_sim_time": False}
+    assert bt_navigator == {"robot_base_frame": BASE, "transform_tolerance": 0.3, **kept}
     assert merged["collision_monitor"]["ros__parameters"]["base_frame_id"] == BASE
     vertices_m = [list(vertex) for vertex in RobotConfig().footprint.vertices_m]
     for name in ("local_costmap", "global_costmap"):
@@ -50,3 +52,9 @@ def test_the_merged_file_has_the_robots_frames_and_footprint(
         assert isinstance(costmap, dict)
         assert json.loads(costmap["footprint"]) == vertices_m
         assert (costmap["robot_base_frame"], costmap["robot_radius"]) == (BASE, 0.22)
+
+
+def test_the_controllers_step_is_its_period(merged: dict[str, dict[str, dict[str, Any]]]) -> None:
+    """MPPI refuses to start with a step that is shorter than the controller's period."""
+    controller = merged["controller_server"]["ros__parameters"]
+    assert controller["FollowPath"]["model_dt"] * controller["controller_frequency"] == 1.0

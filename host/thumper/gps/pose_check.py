@@ -26,5 +26,5 @@ class GpsCheck:
             off_m = map_from_base.distance_m(Pose2(x_m=seen.x_m, y_m=seen.y_m))
             self.finding = (
                 f"the GPS is at {place_text(seen.x_m, seen.y_m)} in the map, {off_m:.1f} m from the robot's "
-                "pose: a wrong start, a wrong map or a wrong datum? `thumper mode relocalize` looks again"
+                "pose: a wrong start, a wrong map or a wrong datum? `thumper mode search` looks again"
             )

@@ -247,7 +247,9 @@ class Robot:
         Raises
         ------
         ThumperError
-            Before anything moves: a goal in a wall or out of reach, a latched fault, an invalid number.
+            Before anything moves: a goal that the map already shows in or too near a wall, in a keep-out
+            zone, or more than 50 m away; a latched fault; an invalid number. If the robot sees the wall only
+            later, or the wall shuts the goal off, the result is not `reached`.
         """
         x_m, y_m = arguments.number("goto", "x_m", x_m), arguments.number("goto", "y_m", y_m)
         check_place("goto: the goal", x_m, y_m)
