@@ -7,8 +7,10 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
+from thumper.common.geometry import Pose2
 from thumper.runtime.requests import Heartbeat, Query, SetPose
 
+AWAY = Pose2(x_m=1.0, y_m=1.0, theta_rad=0.0)
 TO_SCREEN = """([x, y]) => {
   const view = document.querySelector('.tp-map').mapView;
   const box = view.canvas.getBoundingClientRect();
@@ -38,7 +40,7 @@ def test_goal_by_dragging(page: Page, robot: FakeRobot) -> None:
     # The page guards its goal. One that was just closed may send a last heartbeat, too.
     until(lambda: query.source in {heartbeat.source for heartbeat in robot.received_of(Heartbeat)})
     expect(page.locator("[data-field=mode]")).to_have_text("driving")
-    page.get_by_role("button", name="Cancel", exact=True).click()
+    page.locator(".tp-state").get_by_role("button", name="Cancel", exact=True).click()
     until(lambda: [query.content for query in queries_of(robot, "command")] == [{"command": "cancel"}])
 
 
@@ -101,6 +103,19 @@ def test_recording(page: Page, robot: FakeRobot) -> None:
     expect(page.locator("[data-field=recorded]")).to_have_text("disk full")
     page.click(".tp-record")
     until(lambda: not robot.recording)
+
+
+def test_an_experiment_cannot_start_while_the_robot_drives(page: Page, robot: FakeRobot) -> None:
+    page.click(".tp-tab-tune")
+    page.check("[data-tune=clear]")
+    identify, why = page.locator("[data-tune=identify]"), page.locator("[data-tune=why]")
+    expect(identify).to_be_enabled()
+    robot.goal = AWAY
+    expect(identify).to_be_disabled()
+    expect(why).to_have_text("The robot is driving: stop it first.")
+    robot.goal = None
+    expect(identify).to_be_enabled()
+    expect(why).to_be_hidden()
 
 
 def test_the_end_of_an_exploration_replaces_the_notice_of_its_start(page: Page, robot: FakeRobot) -> None:

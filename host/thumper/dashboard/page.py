@@ -129,6 +129,7 @@ def _state_line() -> None:
             with ui.element("span").classes(f"tp-pair tp-{name}"):
                 inline(f"<small>{title}</small>")
                 _field(name)
+        _command_button("Cancel", {"kind": "command", "name": "cancel"}, "tp-plain tp-cancel")
 
 
 def _faultbox() -> None:
@@ -175,7 +176,6 @@ def _drive_panel() -> None:
         _command_button("Arm", {"kind": "command", "name": "arm"}, "tp-go tp-arm")
         _command_button("Disarm", {"kind": "command", "name": "disarm"}, "tp-plain tp-disarm")
         _command_button("Explore", {"kind": "command", "name": "explore"}, "tp-plain")
-        _command_button("Cancel", {"kind": "command", "name": "cancel"}, "tp-plain")
         _command_button("Save map", {"kind": "command", "name": "save_map"}, "tp-plain")
     with box("tp-other-operator"):
         ui.html("<p>Another page controls the robot.</p>", sanitize=False)

@@ -109,6 +109,8 @@ export class MapTools {
     }
     this.cursor = root.appendChild(document.createElement("div"));
     this.cursor.className = "tp-cursor";
+    this.toolName = root.appendChild(document.createElement("div"));
+    this.toolName.className = "tp-toolname";
     this.waypointBar = root.appendChild(document.createElement("div"));
     this.waypointBar.className = "tp-waypointbar";
     this.waypointBar.hidden = true;
@@ -153,6 +155,7 @@ export class MapTools {
     const name = state.playback ? "pan" : wanted; // no goal on the map of a recording
     this.tool = name;
     for (const [key, button] of Object.entries(this.buttons)) button.classList.toggle("on", key === name);
+    this.toolName.textContent = name === "pan" ? "" : TOOLS[name].label;
     this.view.canvas.style.cursor = name === "pan" ? "grab" : "crosshair";
     this.setWaypoints(name === "waypoints" ? this.waypoints : []);
     this.annotationBar.update();
@@ -164,6 +167,7 @@ export class MapTools {
     this.corner = null;
     this.tool = "box";
     this.buttons.pan.classList.remove("on");
+    this.toolName.textContent = "";
     this.view.canvas.style.cursor = "crosshair";
   }
 

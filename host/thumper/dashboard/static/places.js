@@ -1,6 +1,7 @@
 // Lists of the map's places, zones and AprilTags: drive to a place, patrol, remove.
 
 import { features } from "./annotations.js";
+import { keyHint } from "./shortcuts.js";
 import { on, send } from "./stream.js";
 
 const ROUNDS = [1, 2, 5, 10, 100];
@@ -71,8 +72,8 @@ export function places(root) {
   function show() {
     const all = features().map(({ properties }) => properties);
     for (const [which, isShown, hint] of [
-      ["places", ({ kind }) => kind === "place", "None yet: choose the place tool (L), click the map, type a name."],
-      ["zones", ({ kind }) => kind in KINDS, "None yet: choose the zone tool (Z) and click the corners."],
+      ["places", ({ kind }) => kind === "place", `None yet: choose the place tool${keyHint("L")}, click the map, type a name.`],
+      ["zones", ({ kind }) => kind in KINDS, `None yet: choose the zone tool${keyHint("Z")} and click the corners.`],
       ["tags", ({ kind }) => kind === "tag", "None."],
     ]) {
       const list = root.querySelector(`[data-list=${which}]`);

@@ -1,6 +1,7 @@
 // Readouts and banner: each element with `data-field` shows the value of that field.
 
 import { fixed } from "./numbers.js";
+import { keyHint } from "./shortcuts.js";
 import { on, state } from "./stream.js";
 
 const LINK_LOST_S = 1.5; // without a message from the robot for this long, its link counts as lost
@@ -82,7 +83,7 @@ const FIELDS = {
 
 // What to do with a robot that has done nothing yet.
 const firstStep = (status) => (status?.mode?.toLowerCase() === "idle"
-  ? "choose Goal (G) and click the map, or Arm to drive" : "");
+  ? `choose Goal${keyHint("G")} and click the map, or Arm to drive` : "");
 
 const boardState = ({ board, status }) => board?.state ?? status?.board_state;
 

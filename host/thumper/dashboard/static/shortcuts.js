@@ -12,6 +12,9 @@ const GENERAL = [
   ["?", "Show or hide this list"],
 ];
 
+// A key in brackets, for a text; empty on a device without a keyboard.
+export const keyHint = (key) => (window.matchMedia("(hover: none)").matches ? "" : ` (${key})`);
+
 export function startShortcuts() {
   const dialog = document.body.appendChild(document.createElement("div"));
   dialog.className = "tp-shortcuts";

@@ -16,6 +16,7 @@ export function tune(root) {
       <button type="button" class="tp-go" data-tune="tune" disabled>Tune wheels</button>
       <button type="button" class="tp-plain" data-tune="cancel" disabled>Cancel</button>
     </div>
+    <p class="tp-hint" data-tune="why" hidden></p>
     <div class="tp-progress"><div></div></div>
     <p class="tp-message" role="status"></p>
     <div class="tp-lines"></div>
@@ -31,14 +32,19 @@ export function tune(root) {
   const reportFrame = root.querySelector("iframe");
   let lastState = "";
   let running = "";
+  let mode = "idle";
   // A focused report would receive the keys, and Space must always reach the page's emergency stop.
   window.addEventListener("blur", () => setTimeout(() => {
     if (document.activeElement === reportFrame) reportFrame.blur();
   }));
 
   const updateButtons = () => {
-    for (const name of EXPERIMENTS) find(name).disabled = Boolean(running) || !laneClear.checked;
+    const isOn = !running && !["idle", "experiment"].includes(mode);
+    for (const name of EXPERIMENTS) find(name).disabled = Boolean(running) || isOn || !laneClear.checked;
     find("cancel").disabled = !running;
+    find("why").hidden = !isOn;
+    find("why").textContent = mode === "holding" ? "The motors are on: disarm the robot first."
+      : `The robot is ${mode}: stop it first.`;
   };
   laneClear.addEventListener("change", updateButtons);
   for (const name of EXPERIMENTS) {
@@ -46,6 +52,11 @@ export function tune(root) {
   }
   find("cancel").addEventListener("click", () => send({ kind: "command", name: "cancel" }));
 
+  on("status", (status) => {
+    if (status.mode.toLowerCase() === mode) return;
+    mode = status.mode.toLowerCase();
+    updateButtons();
+  });
   on("experiment", (state) => {
     const text = JSON.stringify(state);
     if (text === lastState) return;
