@@ -101,6 +101,14 @@ def test_a_patrol_visits_the_places_in_turn(service: Service) -> None:
     assert "choose from: sofa, door" in service.ask("mission/send", {"place": "attic"})["error"]
 
 
+def test_a_place_where_the_robot_cannot_drive_is_saved_with_a_warning(service: Service) -> None:
+    service.ask("annotation/add", zone("keepout", KEEPOUT, name="rug"))
+    text = service.ask("annotation/add", place("mat", 0.8, 0.05))["text"]
+    assert text.startswith(
+        "added place 'mat'; the robot cannot drive there: goal (0.80, 0.05) is in a keep-out"
+    )
+
+
 def test_zones_are_saved_with_the_map(service: Service, tmp_path: Path) -> None:
     assert service.ask("annotation/add", place("sofa", NEAR.x_m, NEAR.y_m))["text"] == "added place 'sofa'"
     assert service.ask("annotation/add", zone("keepout", KEEPOUT, name="rug"))["ok"]

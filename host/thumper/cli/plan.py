@@ -127,6 +127,8 @@ def _text(answer: "PlanAnswer") -> str:
     if answer.path_m is None:
         return f"no path: {answer.reason}"
     note = f"; {answer.reason}" if answer.reason else ""
+    if answer.unknown_m:
+        note = f"; {answer.unknown_m:.1f} m of it through unknown space{note}"
     return (
         f"{answer.length_m:.3f} m in {len(answer.path_m)} points, {answer.travel_s:.1f} s at full speed, "
         f"planned in {answer.time_ms:.2f} ms{note}"

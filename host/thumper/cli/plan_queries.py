@@ -22,7 +22,7 @@ from thumper.navigation.costmap.filters import CostmapFilters, load_masks
 from thumper.navigation.costmap.footprint_collision import ground_cost_at
 from thumper.navigation.goal import Goal, check_place
 from thumper.navigation.options import NavigationOptions
-from thumper.navigation.planners.polyline import arc_lengths
+from thumper.navigation.planners.polyline import arc_lengths, resample
 from thumper.navigation.registry import make_planner
 
 METRES = ("start_x", "start_y", "goal_x", "goal_y")
@@ -49,6 +49,7 @@ class PlanAnswer:
     reason: str
     time_ms: float  # of planning
     travel_s: float | None  # at the fastest allowed speed
+    unknown_m: float | None  # length through unknown space
     start_category: str
     goal_category: str
 
@@ -72,6 +73,7 @@ class PlanAnswer:
             "time_ms": round(self.time_ms, 3),
             "reason": self.reason,
             "travel_s": None if self.travel_s is None else round(self.travel_s, DECIMALS),
+            "unknown_m": None if self.unknown_m is None else round(self.unknown_m, DECIMALS),
             "start_category": self.start_category,
             "goal_category": self.goal_category,
         }
@@ -85,6 +87,7 @@ class QueryPlanner:
     ) -> None:
         """`zones` are the masks of the zones that were saved with the map."""
         masks = load_masks(options.masks) + zones
+        self._grid = grid
         self.keepout = masks.keepout
         self._footprint = settings.footprint
         self._planner = make_planner(options, settings.footprint)
@@ -119,6 +122,7 @@ class QueryPlanner:
             reason=result.reason,
             time_ms=time_ms,
             travel_s=None if path_m is None else self._limiter.travel_time_s(path_m),
+            unknown_m=None if path_m is None else _unknown_m(self._grid, path_m),
             start_category=self._category(*query.start_m),
             goal_category=self._category(*query.goal_m),
         )
@@ -126,6 +130,18 @@ class QueryPlanner:
     def _category(self, x_m: float, y_m: float) -> str:
         category = ground_cost_at(self._costmap, self._footprint, x_m, y_m)
         return "off the map" if category is None else category.value
+
+
+def _unknown_m(grid: OccupancyGrid, path_m: FloatArray) -> float:
+    """Return the length of a path through cells that are unknown, or outside the map [m]."""
+    spacing_m = 0.5 * grid.resolution_m
+    points_m = resample(path_m, spacing_m)
+    origin_m = np.array((grid.origin_x_m, grid.origin_y_m))
+    cols, rows = np.floor((points_m - origin_m) / grid.resolution_m).astype(int).T
+    inside = (rows >= 0) & (cols >= 0) & (rows < grid.cells.shape[0]) & (cols < grid.cells.shape[1])
+    known = np.zeros(len(points_m), dtype=bool)
+    known[inside] = grid.cells[rows[inside], cols[inside]] >= 0
+    return float((~known[1:]) @ np.diff(arc_lengths(points_m)))
 
 
 def to_csv(answers: Sequence[PlanAnswer]) -> str:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 STATUS_TIMEOUT_S = 3.0
 POLL_PERIOD_S = 0.5
 MAX_QUEUED = 100
+DECIMALS = 9  # of a number in JSON; a latitude needs 8
 
 
 def status(
@@ -164,10 +165,17 @@ def watch(
                     heartbeat.check()
                     continue
                 heartbeat.check()
-                print(json.dumps(to_json(message)) if as_json else message_text(message), flush=True)
+                print(_json(to_json(message)) if as_json else message_text(message), flush=True)
                 printed += 1
         except KeyboardInterrupt:
             pass
+
+
+def _json(content: Any) -> str:
+    """Return a message as JSON, without digits that no sensor resolves: 4.99e-10 m/s is 0."""
+    return json.dumps(
+        json.loads(json.dumps(content), parse_float=lambda text: round(float(text), DECIMALS) + 0.0)
+    )
 
 
 def _why_silent(client: "BusClient", topic: str) -> str:

@@ -136,3 +136,14 @@ def test_masks_lengthen_the_path_and_slow_the_drive(room: Path, tmp_path: Path) 
     assert (code, json.loads(text)["goal_category"]) == (1, "lethal")
     code, text = call(room, *ends, "--keepout", tmp_path / "none.yaml")
     assert (code, "none.yaml" in text) == (2, True)
+
+
+def test_it_says_how_much_of_the_path_leads_through_unknown_space(tmp_path: Path) -> None:
+    cells = np.zeros((60, 100), np.int8)
+    cells[:, 40:60] = -1  # 1 m
+    grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
+    save_map(grid, tmp_path / "gap.yaml")
+    ends = (tmp_path / "gap.yaml", "--start", 1, 1.5, "--goal", 4, 1.5)
+    assert "; 1.0 m of it through unknown space" in call(*ends)[1]
+    assert json.loads(call(*ends, "--json")[1])["unknown_m"] == pytest.approx(1.0, abs=0.05)
+    assert "unknown" not in call(tmp_path / "gap.yaml", "--start", 0.5, 0.5, "--goal", 0.5, 2.5)[1]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from thumper.cli.status import earth_text, mode_text
+from thumper.cli.status import _json, earth_text, mode_text
 
 
 @pytest.mark.parametrize(
@@ -30,3 +30,12 @@ def test_it_shows_whether_the_pose_is_found(mode: str, lost: str, text: str) -> 
 )
 def test_it_shows_the_place_on_earth_of_a_robot_that_may_have_one(datum: str, gps: str, text: str) -> None:
     assert earth_text({"datum": datum, "gps": gps}) == text
+
+
+def test_a_number_has_no_digits_that_no_sensor_resolves() -> None:
+    content = {
+        "twist": [4.999947122996673e-10, -4.9e-10, 0.30000000000000004],
+        "latitude": 48.26243124,
+        "n": 12,
+    }
+    assert _json(content) == '{"twist": [0.0, 0.0, 0.3], "latitude": 48.26243124, "n": 12}'

@@ -20,7 +20,6 @@ from thumper.navigation.controllers.dwa_kernels import (
     FREE,
     FRONT,
     GOAL,
-    HITS_OBSTACLE,
     LEAVES_MAP,
     PATH,
     RolloutTask,
@@ -156,8 +155,9 @@ class DwaController:
 
 
 def _rejection(status: np.typing.NDArray[np.int64]) -> str:
-    hits, leaves = int((status == HITS_OBSTACLE).sum()), int((status == LEAVES_MAP).sum())
-    return f"all {status.size} motions are rejected: {hits} hit an obstacle, {leaves} leave the map"
+    if (status == LEAVES_MAP).any():
+        return "no free motion: blocked by obstacles and the edge of the map"
+    return "no free motion: obstacles on all sides"
 
 
 class TrajectoryRolloutController(DwaController):

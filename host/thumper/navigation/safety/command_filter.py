@@ -207,9 +207,7 @@ class CommandFilter:
         if waits:
             command = self._slowing(request)
         what = "waiting for" if waits else "giving way to"
-        speed_m_s = max(track.speed_m_s for track in self._tracks.moving())
-        reason = f"{what} a dynamic obstacle that moves at {speed_m_s:.1f} m/s"
-        return FilteredCommand(command=command, reason=reason, yielding=True)
+        return FilteredCommand(command=command, reason=f"{what} something that moves", yielding=True)
 
     def _escape_command(self, request: ControlRequest) -> Twist2 | None:
         """Return a motion that gains room, if there is one; never toward a dynamic obstacle."""

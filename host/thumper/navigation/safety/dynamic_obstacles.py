@@ -150,8 +150,7 @@ class DynamicObstacles:
         for points_m, velocity_m_s in moving:
             offset_m = points_m + (velocity_m_s * times_s[:, None] - at_m)[:, None]
             if (offset_m @ normals_in_map < least_m).all(axis=2).any():
-                speed_m_s = math.hypot(*velocity_m_s)
-                return f"waiting for a dynamic obstacle that moves at {speed_m_s:.1f} m/s"
+                return "waiting for something that moves"
         return None
 
     def _detect(self, scan: PastScan, earlier: list[PastScan]) -> list[MovingObject]:

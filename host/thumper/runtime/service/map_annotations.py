@@ -8,13 +8,15 @@ from typing import Any
 import numpy as np
 
 from thumper.common.errors import ThumperError
-from thumper.maps.annotations import Annotations, SavedTag, Zone, parse_feature
+from thumper.maps.annotations import Annotations, SavedPlace, SavedTag, Zone, parse_feature
 from thumper.navigation.costmap.filters import KEEPOUT_PERCENT
 from thumper.navigation.costmap.zones import zone_masks
 from thumper.navigation.footprint import Footprint
+from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import Navigator
 from thumper.ros.services import RemoveAnnotation, Text
 from thumper.ros.to_ros import text
+from thumper.runtime.drive.drive_manager import GOAL_MARGIN_M
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.state_estimator import StateEstimator
 
@@ -60,7 +62,8 @@ class MapAnnotations:
         name = item.name or changed.zones[-1].name
         verb = "changed" if item.name and self.value.find(item.name) else "added"
         self.replace(changed)
-        return self._say(f"{verb} {_kind(item)} {name!r}")
+        doubt = self._doubt(item) if isinstance(item, SavedPlace) else ""
+        return self._say(f"{verb} {_kind(item)} {name!r}{doubt}")
 
     def remove(self, request: RemoveAnnotation, _source: str = "") -> Text:
         """Remove a zone or place; raise ThumperError if there is none of that name."""
@@ -68,6 +71,18 @@ class MapAnnotations:
         self.replace(self.value.without(request.name))
         assert item is not None  # else `without` has raised
         return self._say(f"removed {_kind(item)} {item.name!r}")
+
+    def _doubt(self, place: SavedPlace) -> str:
+        """Return why the robot cannot drive to a place, by the map so far; empty if it can."""
+        if self._estimator.state() is None:
+            return ""
+        goal = Goal(x_m=place.x_m, y_m=place.y_m)
+        grid = self._estimator.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
+        try:
+            self._navigator.validate_goal(goal, grid)
+        except ThumperError as refusal:
+            return f"; the robot cannot drive there: {refusal}"
+        return ""
 
     def _refuse_under_robot(self, zone: Zone) -> None:
         """Refuse a keep-out zone that the robot is in: it could not leave it."""

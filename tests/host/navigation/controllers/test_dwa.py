@@ -113,7 +113,7 @@ def test_slows_down_before_a_wall_and_rejects_all_at_it() -> None:
         request(straight_path(), obstacles_m=wall_m(0.3), last=Twist2(v_m_s=0.4))
     )
     assert rejected.command is None
-    assert "147 hit an obstacle" in rejected.reason
+    assert rejected.reason == "no free motion: obstacles on all sides"
 
 
 def test_rotation_is_rejected_only_if_a_post_is_in_its_way() -> None:
