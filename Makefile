@@ -13,7 +13,7 @@ CONSTRAINTS := constraints.txt
 INSTALL = scripts/install-python $(BIN)/python $(CONSTRAINTS:%=--constraint %) --editable
 BIN := $(VENV)/bin
 PACKAGES := gcc-avr avr-libc binutils-avr libsimavr-dev g++ python3-venv
-TEST_PACKAGES := clang-format clang clang-tidy llvm libclang-rt-dev simavr arduino-core-avr avrdude chromium python3-rosbag
+TEST_PACKAGES := clang-format clang clang-tidy llvm libclang-rt-dev simavr arduino-core-avr avrdude chromium-headless-shell python3-rosbag
 
 help:
 	@echo "make demo      install what is missing, build, and drive the two missions in simulation (results in out/)"

@@ -10,7 +10,7 @@ from pathlib import Path
 from benchmarks.shared.live import END_WITH_PARENT, free_port, until
 from playwright.sync_api import Page
 
-CHROMIUM = "/usr/bin/chromium"
+CHROMIUM = "/usr/bin/chromium-headless-shell"
 FLAGS = (
     "--headless",
     "--no-sandbox",
