@@ -149,7 +149,7 @@ def test_a_phone_has_one_row_of_commands_and_no_empty_message(page: Page) -> Non
     tops_px = page.locator(".q-tab-panel:visible .tp-buttons > button").evaluate_all(
         "all => all.map((one) => one.getBoundingClientRect().top)"
     )
-    assert len(tops_px) == 5
+    assert len(tops_px) == 4
     assert len(set(tops_px)) == 1
     page.click(".tp-tab-gains")
     expect(page.locator("[data-gain=kp]")).to_be_visible()

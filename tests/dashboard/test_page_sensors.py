@@ -67,6 +67,6 @@ def test_a_detected_object_is_drawn_with_its_label(page: Page, robot: FakeRobot)
     assert at_px == page.evaluate(f"(([x, y]) => [x, y + 22])({MAP}.camera.toScreen(1.0, 0.5))")
     page.click("[data-tool=layers]")
     page.locator("[data-layer=annotations]").uncheck()
-    page.evaluate(f"window.texts.clear(), {MAP}.dirty = true")
+    page.evaluate(f"window.texts.clear(), {MAP}.redraw()")
     page.wait_for_function("window.texts.size > 0")  # another frame has been drawn
     assert not page.evaluate("window.texts.has('chair')")

@@ -70,7 +70,7 @@ export class AnnotationBar {
     this.save.disabled = this.isZone ? missing > 0 : points.length === 0;
     this.text.textContent = !this.isZone ? "Click the place" : missing > 0 ? "Click the corners" : `${points.length} corners`;
     this.name.placeholder = this.isZone ? "name (optional)" : "name, such as kitchen";
-    this.tools.view.dirty = true;
+    this.tools.view.redraw();
   }
 
   submit() {

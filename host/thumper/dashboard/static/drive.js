@@ -132,17 +132,22 @@ class ManualDrive {
     // Without the focus a browser may keep reporting the last state of the gamepad: a stick that never returns.
     this.gamepadStatus.dataset.found = Boolean(gamepad);
     if (!gamepad || document.hidden || !document.hasFocus()) {
-      this.gamepadStatus.textContent = gamepad ? "Click this page to drive with the gamepad"
-        : "No gamepad found: press any of its buttons";
+      this.showGamepad(gamepad ? "Click this page to drive with the gamepad"
+        : "No gamepad found: press any of its buttons");
       this.mustRelease = true;
       return null;
     }
     this.onPress("arm", isDown(BUTTONS.arm), () => send({ kind: "command", name: "arm" }));
     const held = isDown(BUTTONS.deadman);
-    this.gamepadStatus.textContent = `${gamepad.id.slice(0, 24)}: ${held ? "driving" : "hold LB to drive"}`;
+    this.showGamepad(`${gamepad.id.slice(0, 24)}: ${held ? "driving" : "hold LB to drive"}`);
     if (!held) this.mustRelease = false;
     if (!held || this.mustRelease) return null;
     return [-gamepad.axes[AXES.forward], -gamepad.axes[AXES.turn], isDown(BUTTONS.turbo), isDown(BUTTONS.override)];
+  }
+
+  // The same text again would lay out the page again, twenty times a second.
+  showGamepad(text) {
+    if (this.gamepadStatus.textContent !== text) this.gamepadStatus.textContent = text;
   }
 
   onPress(name, isDown, act) {

@@ -184,7 +184,7 @@ export class MapTools {
     this.view.follow = follow;
     if (follow) this.view.camera.userControlled = true;
     this.followButton.classList.toggle("on", follow);
-    this.view.dirty = true;
+    this.view.redraw();
   }
 
   setWaypoints(waypoints) {
@@ -193,7 +193,7 @@ export class MapTools {
     const count = waypoints.length;
     this.waypointText.textContent = count ? `${count} waypoint${count > 1 ? "s" : ""}`
       : "Click waypoints in order";
-    this.view.dirty = true;
+    this.view.redraw();
   }
 
   driveWaypoints() {
@@ -221,14 +221,14 @@ export class MapTools {
     const step = (event.shiftKey ? 50 : 10) / camera.scale;
     if (this.tool === "pan") camera.pan(-10 * dx, 10 * dy);
     else this.setCrosshair((this.crosshair ?? [camera.x, camera.y]).map((metres, k) => metres + step * [dx, dy][k]));
-    this.view.dirty = true;
+    this.view.redraw();
   }
 
   // Show the cross-hair of the keyboard at a place [m]; null hides it.
   setCrosshair(place) {
     this.crosshair = place;
     if (place) this.showCursor(this.view.camera.toScreen(...place));
-    this.view.dirty = true;
+    this.view.redraw();
   }
 
   // Position of the pointer on the canvas [pixels].
@@ -269,7 +269,7 @@ export class MapTools {
       this.drag.endY = py;
     }
     this.pointers.set(event.pointerId, [px, py]);
-    this.view.dirty = true;
+    this.view.redraw();
   }
 
   onPointerUp(event) {
@@ -309,7 +309,7 @@ export class MapTools {
   endDrag(event) {
     this.pointers.delete(event.pointerId);
     this.drag = null;
-    this.view.dirty = true;
+    this.view.redraw();
   }
 
   // Heading of a drag [rad]; null if it is too short to set one.
@@ -321,7 +321,7 @@ export class MapTools {
   onWheel(event) {
     event.preventDefault();
     this.view.camera.zoom(Math.exp(-event.deltaY / 500), ...this.position(event));
-    this.view.dirty = true;
+    this.view.redraw();
   }
 
   draw(context, camera) {

@@ -25,7 +25,7 @@ class MapView {
     this.scanCount = 0;
     this.follow = false;
     this.visible = Object.fromEntries(layers.LAYERS.map(([name]) => [name, true]));
-    this.dirty = true; // redraw at the next animation frame
+    this.frame = null; // the animation frame that will draw
     this.tools = new MapTools(this, root);
     new ResizeObserver(() => this.resize()).observe(this.canvas);
     onThemeChange(() => this.recolour());
@@ -45,21 +45,24 @@ class MapView {
     on("playback", (name) => this.update(() => this.clear(name)));
     on("packet", () => { // a scan of a robot that is gone is not its surroundings now
       const isLost = document.body.dataset.link === "lost";
-      if (isLost !== this.isLost) this.dirty = true;
+      if (isLost !== this.isLost) this.redraw();
       this.isLost = isLost;
     });
     on("opened", () => this.update(() => this.clearTracks()));
     this.resize();
-    const frame = () => {
-      if (this.dirty && this.canvas.isConnected) this.draw();
-      requestAnimationFrame(frame);
-    };
-    requestAnimationFrame(frame);
   }
 
   update(change) {
     change();
-    this.dirty = true;
+    this.redraw();
+  }
+
+  // Draw at the next animation frame. Without a change there is none: each costs a laptop without a GPU some milliseconds.
+  redraw() {
+    this.frame ??= requestAnimationFrame(() => {
+      this.frame = null;
+      if (this.canvas.isConnected) this.draw();
+    });
   }
 
   resize() {
@@ -71,7 +74,7 @@ class MapView {
     this.canvas.height = Math.round(box.height * ratio);
     this.context.setTransform(ratio, 0, 0, ratio, 0, 0);
     if (!this.camera.userControlled) this.fit();
-    this.dirty = true;
+    this.redraw();
   }
 
   // Take the newest pose; extend the trail and, if `follow` is on, centre the view.
@@ -116,7 +119,7 @@ class MapView {
     if (this.receivedGrids[name] !== grid) return; // another grid arrived meanwhile
     this.grids[name] = grid;
     if (name === "map" && !this.camera.userControlled) this.fit();
-    this.dirty = true;
+    this.redraw();
   }
 
   // Colour the grids again after a change of theme.
@@ -125,7 +128,7 @@ class MapView {
       grid.recolour();
       this.setGrid(name, grid);
     }
-    this.dirty = true;
+    this.redraw();
   }
 
   // Show all known cells of the map.
@@ -136,12 +139,11 @@ class MapView {
     const cell = info.resolution_m;
     this.camera.fit(x + bounds.left * cell, y + bounds.bottom * cell,
       x + bounds.right * cell, y + bounds.top * cell);
-    this.dirty = true;
+    this.redraw();
   }
 
   draw() {
     const { context, camera, data, visible } = this;
-    this.dirty = false;
     context.fillStyle = colour("map-unknown");
     context.fillRect(0, 0, camera.width, camera.height);
     if (visible.map && this.grids.map) layers.drawGrid(context, camera, this.grids.map);
