@@ -94,6 +94,7 @@ def test_by_default_no_voltage_ends_a_mission() -> None:
         assert not said(service, "battery")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(importlib.util.find_spec("cv2") is None, reason="the extra `camera` is not installed")
 def test_with_a_camera_it_docks() -> None:
     options = DockOptions(low_battery_V=LIMIT_V)

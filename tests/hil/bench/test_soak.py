@@ -10,6 +10,7 @@ from thumper_hil.bench.soak import soak
 from thumper_hil.bench.soak_drive import SoakDriver
 
 
+@pytest.mark.slow
 def test_robot_recovers_from_all_faults() -> None:
     report = soak(300.0, seed=2)
     assert report.failures == []  # memory, handles and recordings, too

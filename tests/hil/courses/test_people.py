@@ -6,7 +6,7 @@ from thumper_hil.courses.course import drive_course
 from thumper_hil.courses.people import course_among, person
 
 NEVER_S = 1e6
-CROSSING = [[person((2.0, -1.7), (2.0, 1.7), from_s=from_s)] for from_s in (1.0, 2.0, 3.0, 4.0)]
+CROSSING = {from_s: [person((2.0, -1.7), (2.0, 1.7), from_s=from_s)] for from_s in (1.0, 2.0, 3.0, 4.0)}
 TWO = [person((1.6, -1.7), (1.6, 1.7), from_s=1.5), person((3.0, 1.7), (3.0, -1.7), from_s=2.5)]
 BLOCKING = [person((2.0, 0.0), (2.0, 1.6), from_s=12.0)]
 STAYING = [person((2.0, 0.0), (2.0, 1.6), from_s=NEVER_S)]
@@ -14,8 +14,15 @@ STAYING = [person((2.0, 0.0), (2.0, 1.6), from_s=NEVER_S)]
 
 @pytest.mark.parametrize(
     "people",
-    [*CROSSING, TWO, BLOCKING, STAYING],
-    ids=["cross 1 s", "cross 2 s", "cross 3 s", "cross 4 s", "two", "blocks, then goes", "stays"],
+    [
+        pytest.param(CROSSING[1.0], id="cross 1 s", marks=pytest.mark.slow),
+        pytest.param(CROSSING[2.0], id="cross 2 s"),
+        pytest.param(CROSSING[3.0], id="cross 3 s", marks=pytest.mark.slow),
+        pytest.param(CROSSING[4.0], id="cross 4 s", marks=pytest.mark.slow),
+        pytest.param(TWO, id="two"),
+        pytest.param(BLOCKING, id="blocks, then goes"),
+        pytest.param(STAYING, id="stays"),
+    ],
 )
 def test_drives_into_nobody(people: list[str]) -> None:
     run = drive_course(course_among(people), preset="nominal", seed=0)

@@ -43,7 +43,7 @@ def test_a_host_that_is_fast_enough_drives() -> None:
     assert drive("fast", 1.0)[0]
 
 
-@pytest.mark.parametrize("cpu_factor", [150.0, 250.0])
+@pytest.mark.parametrize("cpu_factor", [150.0, pytest.param(250.0, marks=pytest.mark.slow)])
 def test_a_host_that_is_too_slow_stops_and_says_why(cpu_factor: float) -> None:
     reached, reason = drive(f"slow-{cpu_factor:.0f}", cpu_factor)
     assert not reached

@@ -32,7 +32,7 @@ def drive_from_standstill(world: KinematicWorld, goal: Goal, seed: int) -> Run:
     return drive(world, Pose2(), goal, AREA, seed=seed, limit_s=60.0)
 
 
-@pytest.mark.parametrize("gap_m", [0.08, 0.20])
+@pytest.mark.parametrize("gap_m", [0.08, pytest.param(0.20, marks=pytest.mark.slow)])
 def test_does_not_back_up_over_unseen_ground(gap_m: float) -> None:
     """The robot's nose is in a pocket, and a post that it never saw is behind it."""
     world = with_post(-TAIL_M - gap_m - LEG_M, 0.0, *POCKET)
@@ -42,7 +42,7 @@ def test_does_not_back_up_over_unseen_ground(gap_m: float) -> None:
     assert "never seen" in " ".join(output.reason for output in run.outputs)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("gap_m", [0.03, 0.05])
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_does_not_swing_the_tail_into_an_unseen_chair_leg(gap_m: float, side: float, seed: int) -> None:
