@@ -145,7 +145,7 @@ class ManualDrive {
     return [-gamepad.axes[AXES.forward], -gamepad.axes[AXES.turn], isDown(BUTTONS.turbo), isDown(BUTTONS.override)];
   }
 
-  // The same text again would lay out the page again, twenty times a second.
+  // Setting the same text again would lay out the page again.
   showGamepad(text) {
     if (this.gamepadStatus.textContent !== text) this.gamepadStatus.textContent = text;
   }
