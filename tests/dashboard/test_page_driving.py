@@ -57,16 +57,18 @@ def test_pose_estimate_and_waypoints(page: Page, robot: FakeRobot) -> None:
     assert (pose.x_m, pose.y_m, pose.theta_rad) == pytest.approx((2.0, 1.0, 0.0), abs=0.03)
     page.keyboard.press("w")
     drag(page, (1.0, 0.5), (1.0, 0.5))
-    page.check(".tp-waypointbar input[type=checkbox]")
+    page.get_by_label("record", exact=True).check()
+    page.get_by_label("beep", exact=True).check()
     expect(page.locator(".tp-waypointbar input[type=number]")).to_have_value("5")
     drag(page, (3.0, 0.5), (3.0, 1.2))  # with a heading
     page.click(".tp-waypointbar >> text=Drive")
     first, second = until(lambda: queries_of(robot, "mission/follow"))[0].content["goals"]
     assert (first["x_m"], first["y_m"]) == pytest.approx((1.0, 0.5), abs=0.02)
     assert (second["x_m"], second["y_m"]) == pytest.approx((3.0, 0.5), abs=0.02)
-    assert first | {"x_m": 0.0, "y_m": 0.0} == {"x_m": 0.0, "y_m": 0.0, "wait_s": 0.0, "record": False}
+    nothing = {"wait_s": 0.0, "record": False, "beep": False}
+    assert first | {"x_m": 0.0, "y_m": 0.0} == {"x_m": 0.0, "y_m": 0.0, **nothing}
     assert second["yaw_rad"] == pytest.approx(math.pi / 2, abs=0.03)
-    assert (second["wait_s"], second["record"]) == (5.0, True)
+    assert (second["wait_s"], second["record"], second["beep"]) == (5.0, True, True)
 
 
 def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
@@ -124,3 +126,20 @@ def test_the_end_of_an_exploration_replaces_the_notice_of_its_start(page: Page, 
     expect(notices).to_have_text(["exploring: explore"])
     robot.event("explored after 9 s: reached 2 of 2 frontiers; back at the start")
     expect(notices).to_have_text(["explored after 9 s: reached 2 of 2 frontiers; back at the start"])
+
+
+def test_a_beep_of_the_robot_sounds_once(page: Page, robot: FakeRobot) -> None:
+    page.evaluate(
+        """() => {
+          window.tones = [];
+          const start = OscillatorNode.prototype.start;
+          OscillatorNode.prototype.start = function () {
+            window.tones.push(this.frequency.value);
+            start.call(this);
+          };
+        }"""
+    )
+    robot.event("something else")
+    robot.event("beep at waypoint 1 of 2")
+    page.wait_for_function("window.tones.length > 0")
+    assert page.evaluate("window.tones") == [880]

@@ -186,12 +186,12 @@ def test_a_mission_of_several_goals(service: Service) -> None:
     assert service.ask("mission/state")["leg"] == 1
 
 
-def test_a_mission_records_while_it_waits(service: Service) -> None:
+def test_a_mission_beeps_on_arrival_and_records_while_it_waits(service: Service) -> None:
     commands: list[str] = []
     for name in ("record_start", "record_stop"):
         service.robot.request_handler.handlers[name] = partial(_note, commands, name)
     goals = [
-        {"x_m": 0.5, "y_m": 0.0, "yaw_rad": 0.5, "wait_s": 1.0, "record": True},
+        {"x_m": 0.5, "y_m": 0.0, "yaw_rad": 0.5, "wait_s": 1.0, "record": True, "beep": True},
         {"x_m": 0.5, "y_m": 0.0},
     ]
     service.ask("mission/follow", {"goals": goals})
@@ -202,6 +202,7 @@ def test_a_mission_records_while_it_waits(service: Service) -> None:
     assert state.map_from_base.theta_rad == pytest.approx(0.5, abs=0.2)
     service.until(lambda: service.ask("mission/state")["state"] == "reached")
     assert commands == ["record_start", "record_stop"]
+    assert [text for text in service.events if text.startswith("beep")] == ["beep at waypoint 1 of 2"]
 
 
 def _note(seen: list[str], name: str) -> str:

@@ -60,7 +60,7 @@ def run(
     route: Annotated[
         Path | None,
         typer.Option(
-            help="TOML file of waypoints with headings, waits and recordings, instead of the options above."
+            help="TOML file of waypoints with headings, waits, recordings and beeps, for the options above."
         ),
     ] = None,
     board: BoardPort = "",
@@ -200,6 +200,7 @@ def _drive(options: "RunOptions", waypoints: "Waypoints", console: "Console", *,
         task = follow_waypoints(
             waypoints,
             clear_fault=clear_fault,
+            on_beep=lambda _name: console.bell(),
             recording=lambda: recorded_wait(robot.publisher, lambda name: handlers[name]()),
         )
         run = run_and_report(robot, task, options.out, console)

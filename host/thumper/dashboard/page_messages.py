@@ -63,6 +63,7 @@ class PageWaypoint(_PageMessage):
     yaw_rad: Heading | None
     wait_s: Annotated[FiniteFloat, Field(ge=0.0, le=MAX_WAIT_S)]
     record: bool
+    beep: bool
 
 
 class WaypointsMessage(_PageMessage):

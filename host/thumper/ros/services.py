@@ -230,7 +230,7 @@ MISSION_FOLLOW: Service[Mapping[str, Any], MissionStarted] = Service(
     summary="starts to drive to goals in turn, until one is not reached",
     request=None,
     request_doc='`{"goals": [...], "rounds": 1}`, 1 to 200, each as for `mission/send`; '
-    "optional: `wait_s` and `record` of a goal, `rounds`",
+    "optional: `wait_s`, `record` and `beep` of a goal, `rounds`",
     reply=MissionStarted,
 )
 MISSION_STATE = Service(

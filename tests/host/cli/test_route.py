@@ -19,6 +19,7 @@ y_m = 0.5
 yaw_rad = 1.57
 wait_s = 5.0
 record = true
+beep = true
 
 [[goals]]
 place = "door"
@@ -30,7 +31,7 @@ def test_a_route_has_headings_waits_recordings_and_places_of_the_map(tmp_path: P
     route.write_text(ROUTE)
     door = SavedPlace(name="door", x_m=2.0, y_m=0.0, yaw_rad=None)
     save_annotations(Annotations(places=(door,)), annotations_path(saved_map))
-    first = Waypoint(goal=Goal(x_m=1.0, y_m=0.5, theta_rad=1.57), wait_s=5.0, record=True)
+    first = Waypoint(goal=Goal(x_m=1.0, y_m=0.5, theta_rad=1.57), wait_s=5.0, record=True, beep=True)
     points = (first, Waypoint(goal=Goal(x_m=2.0, y_m=0.0)))
     assert load_route(route, None, saved_map) == Waypoints(points=points, rounds=2)
 
@@ -43,6 +44,7 @@ def test_a_route_has_headings_waits_recordings_and_places_of_the_map(tmp_path: P
         ("rounds = 2", "pass goals, a list of 1 to 200"),
         ("[[goals]]\nx_m = 1.0", "a goal has x_m, y_m"),
         ('[[goals]]\nplace = "door"', "no place 'door'"),
+        ("[[goals]]\nx_m = 1.0\ny_m = 0.5\nbeep = 2", "beep is true or false"),
     ],
 )
 def test_a_wrong_route_is_refused_with_its_name(tmp_path: Path, text: str | None, why: str) -> None:

@@ -1,6 +1,7 @@
 // Command buttons and the emergency stop (button, Space; Esc if there is nothing to cancel).
 // An element with `data-command` sends the JSON message in that attribute on click.
 
+import { beep } from "./beep.js";
 import { on, send, state } from "./stream.js";
 
 const NOTICE_MS = 6000;
@@ -103,6 +104,7 @@ export function startCommands() {
   });
   on("events", (events) => {
     for (const { text } of isSnapshot ? [] : events) {
+      if (text.startsWith("beep at ")) beep();
       if (/^map saved: |^the map was not saved: /.test(text)) notify(text, text.startsWith("map") ? "good" : "bad");
       if (EXPLORATION_ENDS.test(text)) {
         removeNotices("exploring");

@@ -119,13 +119,11 @@ export class MapTools {
     wait.textContent = "wait [s]";
     this.waitInput = wait.appendChild(document.createElement("input"));
     Object.assign(this.waitInput, { type: "number", min: 0, max: 3600, value: 0 });
-    const record = this.waypointBar.appendChild(document.createElement("label"));
-    this.recordInput = record.appendChild(document.createElement("input"));
-    this.recordInput.type = "checkbox";
+    this.recordInput = this.addWaypointCheckbox("record");
     this.recordInput.addEventListener("change", () => {
       if (this.recordInput.checked && !(this.waitInput.value > 0)) this.waitInput.value = 5; // it records meanwhile
     });
-    record.append("record");
+    this.beepInput = this.addWaypointCheckbox("beep");
     this.addWaypointButton("Drive", "tp-go", () => this.driveWaypoints());
     this.addWaypointButton("Undo", "", () => this.setWaypoints(this.waypoints.slice(0, -1)));
     this.addWaypointButton("Clear", "", () => this.setWaypoints([]));
@@ -141,6 +139,14 @@ export class MapTools {
     button.innerHTML = `<i class="material-icons">${icon}</i><small>${label}</small>`;
     button.addEventListener("click", action);
     return button;
+  }
+
+  addWaypointCheckbox(text) {
+    const label = this.waypointBar.appendChild(document.createElement("label"));
+    const input = label.appendChild(document.createElement("input"));
+    input.type = "checkbox";
+    label.append(text);
+    return input;
   }
 
   addWaypointButton(text, className, action) {
@@ -298,7 +304,8 @@ export class MapTools {
     } else if (this.tool === "waypoints") {
       const wait_s = Math.min(Math.max(Number(this.waitInput.value), 0), 3600);
       const record = this.recordInput.checked && wait_s > 0;
-      this.setWaypoints([...this.waypoints, { x_m: x, y_m: y, yaw_rad, wait_s, record }]);
+      const beep = this.beepInput.checked;
+      this.setWaypoints([...this.waypoints, { x_m: x, y_m: y, yaw_rad, wait_s, record, beep }]);
     } else if (["zone", "place"].includes(this.tool)) {
       this.annotationBar.add([x, y], yaw_rad);
     } else if (this.tool === "obstacle") {
@@ -325,9 +332,10 @@ export class MapTools {
   }
 
   draw(context, camera) {
-    this.waypoints.forEach(({ x_m, y_m, yaw_rad, wait_s, record }, k) => {
-      const task = wait_s ? `: ${record ? "record" : "wait"} ${wait_s} s` : "";
-      drawArrow(context, camera, x_m, y_m, yaw_rad, "goal", `${k + 1}${task}`);
+    this.waypoints.forEach(({ x_m, y_m, yaw_rad, wait_s, record, beep }, k) => {
+      const tasks = [beep ? "beep" : "", wait_s ? `${record ? "record" : "wait"} ${wait_s} s` : ""].filter(Boolean);
+      const text = [k + 1, tasks.join(", ")].filter(Boolean).join(": ");
+      drawArrow(context, camera, x_m, y_m, yaw_rad, "goal", text);
     });
     this.annotationBar.draw(context, camera);
     if (this.crosshair) drawCrosshair(context, ...camera.toScreen(...this.crosshair));

@@ -31,6 +31,7 @@ def follow_waypoints(
     *,
     clear_fault: bool = False,
     on_leg: Callable[[int], None] = lambda _number: None,
+    on_beep: Callable[[str], None] = lambda _name: None,
     recording: Callable[[], AbstractContextManager[None]] = nullcontext,
 ) -> Task:
     """Drive to all waypoints in turn, until one is not reached; wait at each, motors off, for its time.
@@ -39,7 +40,8 @@ def follow_waypoints(
 
     Times and path lengths are added up.
 
-    `on_leg` receives the number of each leg, from 0, before it starts. The reason names the failed waypoint.
+    `on_leg` receives the number of each leg, from 0, before it starts. `on_beep` receives the name of a
+    waypoint on arrival, if it asks for a beep. The reason names the failed waypoint.
     Only the first may raise the ThumperError of a refusal; a later one that is refused ends the task like one
     that fails.
     """
@@ -53,6 +55,8 @@ def follow_waypoints(
                 raise
             return replace(total, reached=False, reason=f"{leg.name} {leg.goal}: {refusal}")
         total = result.after(total)
+        if total.reached and leg.beep:
+            on_beep(leg.name)
         if total.reached and leg.wait_s:
             try:
                 with recording() if leg.record else nullcontext():

@@ -10,6 +10,7 @@ from thumper.runtime.drive.waypoints import Waypoint, Waypoints
 from thumper.runtime.requests import MAX_WAYPOINTS, parse_goal, parse_wait
 
 MAX_LEGS = 2000  # of all rounds
+TASKS = ("wait_s", "record", "beep")
 
 
 def parse_waypoints(
@@ -17,7 +18,7 @@ def parse_waypoints(
 ) -> Waypoints:
     """Return the goals of `content` as waypoints, and its rounds, by default one.
 
-    A goal is what `parse_goal` takes, and optionally wait_s and record.
+    A goal is what `parse_goal` takes, and optionally wait_s, record and beep.
     """
     goals, rounds = content.get("goals"), content.get("rounds", 1)
     if (
@@ -36,10 +37,13 @@ def parse_waypoints(
 
 
 def _parse_waypoint(content: dict[str, Any], annotations: Annotations, datum: MapDatum | None) -> Waypoint:
-    place = {name: value for name, value in content.items() if name not in ("wait_s", "record")}
+    place = {name: value for name, value in content.items() if name not in TASKS}
     wait_s, record = parse_wait(content.get("wait_s", 0.0)), content.get("record", False)
     if not isinstance(record, bool) or (record and not wait_s):
         raise ThumperError(
             "record is true or false; the robot records while it waits: choose a wait_s", exit_code=EXIT_USAGE
         )
-    return Waypoint(goal=parse_goal(place, annotations, datum), wait_s=wait_s, record=record)
+    beep = content.get("beep", False)
+    if not isinstance(beep, bool):
+        raise ThumperError("beep is true or false", exit_code=EXIT_USAGE)
+    return Waypoint(goal=parse_goal(place, annotations, datum), wait_s=wait_s, record=record, beep=beep)

@@ -18,6 +18,7 @@ class Waypoint:
     name: str = ""
     wait_s: float = 0.0
     record: bool = False  # while it waits
+    beep: bool = False  # on arrival, the pages and terminals that watch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -68,6 +68,7 @@ class MissionStarter:
             result = yield from follow_waypoints(
                 waypoints,
                 on_leg=lambda leg: self.missions.set_leg(number, leg),
+                on_beep=lambda name: self._publisher.publish_event(f"beep at {name}"),
                 recording=partial(recorded_wait, self._publisher, self._commands),
             )
         except GeneratorExit:  # replaced, or refused before it began
