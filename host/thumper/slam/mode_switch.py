@@ -16,6 +16,7 @@ from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.localization.amcl import Amcl
+from thumper.slam.localization.amcl_state import LikelyPose
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
 from thumper.slam.mapper import DetectsKidnapping, HasParticles, MapperUpdate, PoseQuality
@@ -205,7 +206,9 @@ class SlamModeSwitch:
         self._odom_from_base, self._map_from_base = odom_from_base, update.map_from_base
         if self.localizer is None and (field := self._own_map_after_kidnapping()) is not None:
             # Search the own map, and continue in it once the scans confirm a place.
-            self._start_localizer(field, None)
+            self._start_localizer(field, None).set_likely_pose(
+                LikelyPose(map_from_base=update.map_from_base, odom_from_base=odom_from_base)
+            )
             self._resume_when_confirmed = True
         confirmed = self.localizer is not None and self.localizer.confirmed
         if self._resume_when_confirmed and confirmed and not self.quality().lost:
@@ -227,7 +230,7 @@ class SlamModeSwitch:
 
     def _start_localizer(
         self, known: OccupancyGrid | LikelihoodField, map_from_base: Pose2 | None, *, verify: bool = True
-    ) -> None:
+    ) -> Amcl:
         self._preparation.stop()
         grid = known.grid if isinstance(known, LikelihoodField) else known
         if not np.any(grid.cells == OCCUPIED):
@@ -245,3 +248,4 @@ class SlamModeSwitch:
             odom_from_base=self._odom_from_base,
             verify=verify,
         )
+        return self.localizer

@@ -14,12 +14,19 @@ from thumper.gps.position_prior import NO_PRIOR, PRIOR_S, PositionPrior
 from thumper.lidar.scan import Scan
 from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.slam.localization.alternative_poses import PRIOR_RATIO, AlternativePoses, are_close
+from thumper.slam.localization.alternative_poses import (
+    PRIOR_RATIO,
+    SAME_M,
+    SAME_RAD,
+    AlternativePoses,
+    are_close,
+)
 from thumper.slam.localization.amcl_state import (
     NEAR_GIVEN_M,
     NEAR_GIVEN_RAD,
     RETRY_SCANS,
     GivenPose,
+    LikelyPose,
     MapDoubt,
     PoseEstimate,
     Schedule,
@@ -36,6 +43,7 @@ from thumper.slam.scan_matching.pose_trust import PoseTrust
 
 LOST_AFTER = 3  # consecutive weighed scans below `lost_below` before the whole map is searched
 SEARCH_GAIN = 0.5  # as `BEAM_GAIN`, for the first scan of a search: nothing was weighed twice yet
+LIKELY_LOG_RATIO = 15.0  # prior log odds of the likely pose: people often hide walls, few carry a robot away
 OUTSIDE_BELOW = 0.2  # share of beams that contradict the map where the robot has left it, not lost its pose
 OUTSIDE_MATCHED = 0.3  # share explained from which the walls still in sight correct the odometry there
 MIN_LOG_RATIO, MAX_LOG_RATIO = 1.0, 50.0  # of a pose that contradicts the given one; limit of its odds
@@ -71,6 +79,7 @@ class Amcl:
         self._trust = PoseTrust(trusted=False)
         self._alternatives, self._challenge = AlternativePoses(), Challenge()
         self._map_search = MapSearch()
+        self._likely: LikelyPose | None = None
         self._prior, self._excluded = NO_PRIOR, ""  # why the newest search found nothing
         self._found: list[PoseHypothesis] = []  # by the newest search of the whole map
         self._beams = MIN_HITS  # of the newest scan, with a return
@@ -124,6 +133,10 @@ class Amcl:
     def set_position_prior(self, prior: PositionPrior) -> None:
         """Expect the robot near this position when the whole map is searched in the next seconds."""
         self._prior = prior
+
+    def set_likely_pose(self, likely: LikelyPose) -> None:
+        """Compare what each search of the whole map finds with this pose."""
+        self._likely = likely
 
     def relocalize(self) -> None:
         """Discard the pose: the next scan is searched for in the whole map."""
@@ -221,7 +234,7 @@ class Amcl:
         if not self._is_due(moved) or not self._search_done(likelihood, odom_from_base):
             return self._record(odom_from_base, expected, math.nan, jumped)
         given = self._given.pop_unverified()
-        self._predict(likelihood, moved, given)
+        self._predict(likelihood, odom_from_base, moved, given)
         if given is None and not jumped and (outside := self._outside(likelihood, expected)) is not None:
             self._accept(outside, odom_from_base)
             return self._record(odom_from_base, outside.pose, outside.explained, jumped)
@@ -310,22 +323,30 @@ class Amcl:
         if moved != Pose2():
             self._particles.move(moved, self._options, self._rng)
 
-    def _predict(self, likelihood: ScanLikelihood, moved: Pose2, given: Pose2 | None) -> None:
+    def _predict(
+        self, likelihood: ScanLikelihood, odom_from_base: Pose2, moved: Pose2, given: Pose2 | None
+    ) -> None:
         """Move the particles, or draw new ones from a global search or around a given pose."""
         if self._schedule.search:
             self._alternatives = AlternativePoses()
-            self._draw_from_search()
+            self._draw_from_search(likelihood, odom_from_base)
             self._schedule.wait_scans = RETRY_SCANS
         elif given is not None:
             self._verify(likelihood, given)
         else:
             self._particles.move(moved, self._options, self._rng)
 
-    def _draw_from_search(self) -> None:
+    def _draw_from_search(self, likelihood: ScanLikelihood, odom_from_base: Pose2) -> None:
         """Draw half of the particles around the best poses of the whole map, and half anywhere."""
         n, found = self._options.most_particles, self._found
+        likely: PoseHypothesis | None = None
+        if self._likely is not None:
+            likely = likelihood.refine_pose(self._likely.at(odom_from_base))
+            found = [each for each in found if not are_close(each.pose, likely.pose, SAME_M, SAME_RAD)]
+            found.append(likely)
         logs = SEARCH_GAIN * np.array([hypothesis.log for hypothesis in found])
         logs += [self._prior.log(hypothesis.pose) for hypothesis in found]
+        logs += [LIKELY_LOG_RATIO * (hypothesis is likely) for hypothesis in found]
         odds = np.exp(logs - logs.max())
         around, weights = draw_around(found, odds, n // 2, self._rng)
         poses = np.vstack((around, self._map.random_poses(n - n // 2, self._rng)))

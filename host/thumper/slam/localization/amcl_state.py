@@ -37,10 +37,10 @@ class Schedule:
     skipped: int = 0  # scans since the newest weighed one
 
     def next_scan(self, trust: PoseTrust) -> None:
-        """Count a scan. A stationary robot at a place without trust searches again."""
+        """Count a scan. A stationary robot at a place in doubt searches again: people may have left."""
         self.wait_scans = max(0, self.wait_scans - 1)
         self.skipped += 1
-        if self.skipped >= RETRY_SCANS and trust.unconfirmed:
+        if self.skipped >= RETRY_SCANS and trust.doubt and not trust.confirmed:
             self.search = True
 
     def retry_due(self, *, challenged: bool) -> bool:
@@ -66,6 +66,18 @@ class GivenPose:
         """Return the pose to verify, once."""
         pose, self.unverified = self.unverified, None
         return pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LikelyPose:
+    """Where a robot is that was perhaps carried away, if it was not: people may only have hidden the map."""
+
+    map_from_base: Pose2
+    odom_from_base: Pose2  # at that pose
+
+    def at(self, odom_from_base: Pose2) -> Pose2:
+        """Return the pose by odometry since then."""
+        return self.map_from_base @ self.odom_from_base.inverse() @ odom_from_base
 
 
 class MapDoubt:

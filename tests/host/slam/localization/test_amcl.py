@@ -15,7 +15,9 @@ from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.localization.amcl import Amcl
+from thumper.slam.localization.amcl_state import RETRY_SCANS, LikelyPose, Schedule
 from thumper.slam.mode_switch import SlamModeSwitch
+from thumper.slam.scan_matching.pose_trust import PoseTrust
 from thumper_hil.world.world import World
 
 STILL = Twist2()
@@ -411,3 +413,34 @@ def test_robot_that_leaves_the_map_and_returns_is_not_searched_for() -> None:
     assert not any(lost[-30:])
     assert localizer.relocalizations == 0
     assert error_m(localizer, out[0]) < 0.1
+
+
+def test_where_places_look_alike_a_robot_is_where_it_was() -> None:
+    """It was perhaps carried away, or people hid the walls: what the scans do not decide, odometry does."""
+    walls = rectangle(-2.0, -1.0, 2.0, 1.0)
+    pose, before = Pose2(x_m=1.0, y_m=0.3), Pose2(x_m=0.8, y_m=0.3)
+    localizer = Amcl(World(segments_m=walls, circles_m=np.zeros((0, 3))).to_grid())
+    localizer.set_likely_pose(LikelyPose(map_from_base=before, odom_from_base=Pose2(x_m=5.0)))
+    localizer.update(Pose2(x_m=5.2), room_scan(pose, walls=walls), STILL)
+    assert error_m(localizer, pose) < 0.05
+    assert localizer.quality().lost == ""
+
+
+def test_a_robot_that_was_carried_away_is_not_where_it_was() -> None:
+    pose = Pose2(x_m=-1.5, y_m=2.0, theta_rad=-1.0)
+    localizer = Amcl(GRID)
+    localizer.set_likely_pose(LikelyPose(map_from_base=Pose2(x_m=0.3), odom_from_base=Pose2()))
+    localizer.update(Pose2(), room_scan(pose), STILL)
+    assert error_m(localizer, pose) < 0.05
+
+
+def test_a_stationary_robot_looks_again_where_places_look_alike() -> None:
+    """People who hid where the places differ may have left."""
+    for trusted in (False, True):
+        trust = PoseTrust(trusted=trusted)
+        trust.update(0.9, 0.5, 0.0, 0.0)
+        assert "several places look alike" in trust.doubt
+        schedule = Schedule(search=False)
+        for _ in range(RETRY_SCANS):
+            schedule.next_scan(trust)
+        assert schedule.search is not trusted
