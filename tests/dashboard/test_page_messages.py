@@ -26,7 +26,7 @@ from thumper.dashboard.page_messages import (
 from thumper.dashboard.pose_history import PoseHistory
 from thumper.dashboard.rate_limit import RateLimit
 
-STOP = {"x_m": 0.0, "y_m": 0.0, "yaw_rad": None, "wait_s": 0.0, "record": False}
+STOP = {"x_m": 0.0, "y_m": 0.0, "yaw_rad": None, "wait_s": 0.0, "record": False, "beep": False}
 GOAL = {"kind": "goal", "x_m": 1.0, "y_m": -2.0, "yaw_rad": None}
 
 
@@ -57,6 +57,7 @@ def test_valid_messages_are_parsed() -> None:
         {"kind": "waypoints", "goals": [STOP | {"wait_s": -1.0}]},
         {"kind": "waypoints", "goals": [STOP | {"wait_s": 3600.1}]},
         {"kind": "waypoints", "goals": [STOP | {"record": 1}]},
+        {"kind": "waypoints", "goals": [STOP | {"beep": 1}]},
         {"kind": "patrol", "places": [], "rounds": 1},
         {"kind": "patrol", "places": ["a"], "rounds": 1001},
         {"kind": "place_goal", "name": ""},
