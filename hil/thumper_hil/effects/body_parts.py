@@ -15,6 +15,17 @@ Positive = Annotated[float, Gt(0)]
 
 @with_config(STRICT)
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Wheels:
+    """Where the wheels are on the body."""
+
+    count: Annotated[int, Gt(0)]
+    axle_m: Positive
+    half_track_m: Positive
+    sill_half_width_m: Positive
+
+
+@with_config(STRICT)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Springs:
     """The suspension on which the body pitches, and the height of the lidar on it."""
 
@@ -39,6 +50,7 @@ class Cable:
 class BodyParts:
     """Parts of the robot that only effects know."""
 
+    wheels: Wheels
     springs: Springs
     cable: Cable
 

@@ -12,13 +12,10 @@ from functools import cache
 from pathlib import Path
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper_hil.effects.body_parts import body_parts
 
 GRAVITY_M_S2 = 9.81
-AXLE_M = 0.14
-"""Distance of the front and rear axle from the middle one."""
-
-HALF_TRACK_M = 0.1225
-WHEELS = 6
+WHEELS = body_parts().wheels
 TOO_MUCH = frozenset({"deep_carpet"})
 """Floors on which some robots exceed the default current limit of 8 A when they turn on the spot."""
 
@@ -41,9 +38,9 @@ def floor_friction(name: str) -> float:
 
 def scrub_moment_Nm(friction: float, mass_kg: float, effective_track_m: float) -> float:
     """Return the moment about the vertical that the sliding tyres oppose to a turn."""
-    along_m = abs(0.5 * effective_track_m - HALF_TRACK_M)
-    slide_m = 4.0 * math.hypot(along_m, AXLE_M) + 2.0 * along_m  # slid per radian, all wheels
-    return friction * mass_kg * GRAVITY_M_S2 / WHEELS * slide_m
+    along_m = abs(0.5 * effective_track_m - WHEELS.half_track_m)
+    slide_m = 4.0 * math.hypot(along_m, WHEELS.axle_m) + 2.0 * along_m  # slid per radian, all wheels
+    return friction * mass_kg * GRAVITY_M_S2 / WHEELS.count * slide_m
 
 
 def traction_Nm(friction: float, mass_kg: float, wheel_radius_m: float) -> float:

@@ -3,7 +3,7 @@
 import math
 
 from thumper.common.geometry import FloatArray, Pose2
-from thumper_hil.world.sills import AXLE_M, axles_m
+from thumper_hil.world.sills import WHEELS, axles_m
 
 
 def climb_rad(pose: Pose2, ramps_m: FloatArray) -> float:
@@ -13,7 +13,7 @@ def climb_rad(pose: Pose2, ramps_m: FloatArray) -> float:
     the floor at its upper end is level: while one axle is on it, the robot has a part of its slope.
     """
     line_m = axles_m(pose)
-    return math.atan2(sum(_rise_m(line_m, ramp) for ramp in ramps_m), 2.0 * AXLE_M)
+    return math.atan2(sum(_rise_m(line_m, ramp) for ramp in ramps_m), 2.0 * WHEELS.axle_m)
 
 
 def _rise_m(line_m: FloatArray, ramp: FloatArray) -> float:
