@@ -9,15 +9,14 @@ import math
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Le
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, with_config
 
 from thumper.common.geometry import FloatArray
 from thumper.common.strict_toml import STRICT, read_checked
+from thumper_hil.effects.preset import Share
 
 
 class Surface(IntEnum):
@@ -30,8 +29,6 @@ class Surface(IntEnum):
 
 
 SurfaceArray = NDArray[np.int8]
-
-Share = Annotated[float, Ge(0), Le(1)]
 
 
 @with_config(STRICT)

@@ -15,7 +15,7 @@ from thumper.common.files import read_bytes
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.common.texts import shortened
 from thumper.config.robot import RobotConfig
-from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from thumper.navigation.controllers.speed_limiter import SpeedLimiter
 from thumper.navigation.costmap.costmap import build_costmap
 from thumper.navigation.costmap.filters import CostmapFilters, load_masks
@@ -134,14 +134,9 @@ class QueryPlanner:
 
 def _unknown_m(grid: OccupancyGrid, path_m: FloatArray) -> float:
     """Return the length of a path through cells that are unknown, or outside the map [m]."""
-    spacing_m = 0.5 * grid.resolution_m
-    points_m = resample(path_m, spacing_m)
-    origin_m = np.array((grid.origin_x_m, grid.origin_y_m))
-    cols, rows = np.floor((points_m - origin_m) / grid.resolution_m).astype(int).T
-    inside = (rows >= 0) & (cols >= 0) & (rows < grid.cells.shape[0]) & (cols < grid.cells.shape[1])
-    known = np.zeros(len(points_m), dtype=bool)
-    known[inside] = grid.cells[rows[inside], cols[inside]] >= 0
-    return float((~known[1:]) @ np.diff(arc_lengths(points_m)))
+    points_m = resample(path_m, 0.5 * grid.resolution_m)
+    is_unknown = grid.values_at(points_m) == UNKNOWN
+    return float(is_unknown[1:] @ np.diff(arc_lengths(points_m)))
 
 
 def to_csv(answers: Sequence[PlanAnswer]) -> str:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from thumper.common.geometry import FloatArray
 from thumper.maps.cell_changes import CellBox, RenderHistory, new_history
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
@@ -87,6 +88,14 @@ class OccupancyGrid:
             origin_x_m=self.origin_x_m - left * self.resolution_m,
             origin_y_m=self.origin_y_m - below * self.resolution_m,
         )
+
+    def values_at(self, points_m: FloatArray) -> NDArray[np.int8]:
+        """Return the cells under points, shape (n, 2) [m]; unknown outside the grid; shape (n,)."""
+        cells = np.floor((points_m - (self.origin_x_m, self.origin_y_m)) / self.resolution_m).astype(np.int64)
+        inside = (cells >= 0).all(axis=1) & (cells < self.cells.shape[::-1]).all(axis=1)
+        values = np.full(len(points_m), UNKNOWN, dtype=np.int8)
+        values[inside] = self.cells[cells[inside, 1], cells[inside, 0]]
+        return values
 
     def contains(self, row: int, col: int) -> bool:
         """Return whether [row, col] is a cell of this grid."""

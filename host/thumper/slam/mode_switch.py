@@ -16,7 +16,6 @@ from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.grid.growing_grid import HitGrid
 from thumper.slam.grid.options import GridMapperOptions
 from thumper.slam.localization.amcl import Amcl
-from thumper.slam.localization.amcl_state import LikelyPose
 from thumper.slam.localization.likelihood_field import LikelihoodField
 from thumper.slam.localization.options import AmclOptions
 from thumper.slam.mapper import DetectsKidnapping, HasParticles, MapperUpdate, PoseQuality
@@ -206,9 +205,7 @@ class SlamModeSwitch:
         self._odom_from_base, self._map_from_base = odom_from_base, update.map_from_base
         if self.localizer is None and (field := self._own_map_after_kidnapping()) is not None:
             # Search the own map, and continue in it once the scans confirm a place.
-            self._start_localizer(field, None).set_likely_pose(
-                LikelyPose(map_from_base=update.map_from_base, odom_from_base=odom_from_base)
-            )
+            self._start_localizer(field, None).set_likely_pose(self._mapper.map_from_odom)
             self._resume_when_confirmed = True
         confirmed = self.localizer is not None and self.localizer.confirmed
         if self._resume_when_confirmed and confirmed and not self.quality().lost:

@@ -13,7 +13,8 @@ const GENERAL = [
 ];
 
 // A key in brackets, for a text; empty on a device without a keyboard.
-export const keyHint = (key) => (window.matchMedia("(hover: none)").matches ? "" : ` (${key})`);
+const HAS_KEYBOARD = !window.matchMedia("(hover: none)").matches;
+export const keyHint = (key) => (HAS_KEYBOARD ? ` (${key})` : "");
 
 export function startShortcuts() {
   const dialog = document.body.appendChild(document.createElement("div"));

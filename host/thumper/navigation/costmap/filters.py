@@ -120,9 +120,7 @@ def speed_fractions(speed: Masks, points_m: FloatArray) -> FloatArray:
     """Return the fraction of the top speed that masks allow at points, shape (n, 2) [m]; shape (n,)."""
     fractions = np.ones(len(points_m))
     for mask in speed:
-        cells = np.floor((points_m - (mask.origin_x_m, mask.origin_y_m)) / mask.resolution_m).astype(np.int64)
-        inside = (cells >= 0).all(axis=1) & (cells < mask.cells.shape[::-1]).all(axis=1)
-        percent = mask.cells[cells[inside, 1], cells[inside, 0]]
+        percent = mask.values_at(points_m)
         allowed = np.where(percent == UNKNOWN, 1.0, 1.0 - percent / OCCUPIED)
-        fractions[inside] = np.minimum(fractions[inside], allowed)
+        fractions = np.minimum(fractions, allowed)
     return fractions

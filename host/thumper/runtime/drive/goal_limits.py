@@ -47,5 +47,9 @@ class GoalLimits:
         if is_kept_out(self.navigator.keepout, state.map_from_base.x_m, state.map_from_base.y_m):
             raise ThumperError("the robot is in a keep-out zone: drive it out manually, or remove the zone")
         check_distance(goal, state.map_from_base)
+        self.check_in_map(goal)
+
+    def check_in_map(self, goal: Goal) -> None:
+        """Raise ThumperError with the reason if the robot has no room at the goal, by the map so far."""
         grid = self.estimator.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
         self.navigator.validate_goal(goal, grid)

@@ -16,7 +16,7 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import Navigator
 from thumper.ros.services import RemoveAnnotation, Text
 from thumper.ros.to_ros import text
-from thumper.runtime.drive.drive_manager import GOAL_MARGIN_M
+from thumper.runtime.drive.goal_limits import GoalLimits
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.state_estimator import StateEstimator
 
@@ -76,10 +76,9 @@ class MapAnnotations:
         """Return why the robot cannot drive to a place, by the map so far; empty if it can."""
         if self._estimator.state() is None:
             return ""
-        goal = Goal(x_m=place.x_m, y_m=place.y_m)
-        grid = self._estimator.mapper.grid().including(goal.x_m, goal.y_m, GOAL_MARGIN_M)
+        limits = GoalLimits(estimator=self._estimator, navigator=self._navigator)
         try:
-            self._navigator.validate_goal(goal, grid)
+            limits.check_in_map(Goal(x_m=place.x_m, y_m=place.y_m))
         except ThumperError as refusal:
             return f"; the robot cannot drive there: {refusal}"
         return ""

@@ -26,7 +26,6 @@ from thumper.slam.localization.amcl_state import (
     NEAR_GIVEN_RAD,
     RETRY_SCANS,
     GivenPose,
-    LikelyPose,
     MapDoubt,
     PoseEstimate,
     Schedule,
@@ -79,7 +78,7 @@ class Amcl:
         self._trust = PoseTrust(trusted=False)
         self._alternatives, self._challenge = AlternativePoses(), Challenge()
         self._map_search = MapSearch()
-        self._likely: LikelyPose | None = None
+        self._likely: Pose2 | None = None  # map_from_odom, unless the robot was carried away
         self._prior, self._excluded = NO_PRIOR, ""  # why the newest search found nothing
         self._found: list[PoseHypothesis] = []  # by the newest search of the whole map
         self._beams = MIN_HITS  # of the newest scan, with a return
@@ -134,9 +133,12 @@ class Amcl:
         """Expect the robot near this position when the whole map is searched in the next seconds."""
         self._prior = prior
 
-    def set_likely_pose(self, likely: LikelyPose) -> None:
-        """Compare what each search of the whole map finds with this pose."""
-        self._likely = likely
+    def set_likely_pose(self, map_from_odom: Pose2) -> None:
+        """Compare what each search of the whole map finds with the pose by odometry and this correction.
+
+        A robot that was perhaps carried away is there if it was not: people may only have hidden the map.
+        """
+        self._likely = map_from_odom
 
     def relocalize(self) -> None:
         """Discard the pose: the next scan is searched for in the whole map."""
@@ -341,7 +343,7 @@ class Amcl:
         n, found = self._options.most_particles, self._found
         likely: PoseHypothesis | None = None
         if self._likely is not None:
-            likely = likelihood.refine_pose(self._likely.at(odom_from_base))
+            likely = likelihood.refine_pose(self._likely @ odom_from_base)
             found = [each for each in found if not are_close(each.pose, likely.pose, SAME_M, SAME_RAD)]
             found.append(likely)
         logs = SEARCH_GAIN * np.array([hypothesis.log for hypothesis in found])

@@ -68,18 +68,6 @@ class GivenPose:
         return pose
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LikelyPose:
-    """Where a robot is that was perhaps carried away, if it was not: people may only have hidden the map."""
-
-    map_from_base: Pose2
-    odom_from_base: Pose2  # at that pose
-
-    def at(self, odom_from_base: Pose2) -> Pose2:
-        """Return the pose by odometry since then."""
-        return self.map_from_base @ self.odom_from_base.inverse() @ odom_from_base
-
-
 class MapDoubt:
     """Whether the map may be the wrong one, or out of date."""
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from thumper.common.geometry import Pose2
-from thumper.slam.localization.alternative_poses import are_close
+from thumper.slam.localization.alternative_poses import SAME_M, SAME_RAD, are_close
 from thumper.slam.localization.map_search import MapSearch
 from thumper.slam.localization.scan_likelihood import PoseHypothesis, ScanLikelihood
 from thumper.slam.scan_matching.pose_trust import PoseTrust
@@ -12,7 +12,6 @@ MARGIN = 0.1  # of the fit: in a room that has changed, a similar place may be a
 CLEARLY_BETTER = 1.0  # sum of the leads beyond the margin that replaces a proven pose ...
 MIN_LOOKS = 3  # ... after at least this many scans
 PAUSE_LOOKS = 10  # weighed scans from the end of a challenge to the next search of the whole map
-SAME_M, SAME_RAD = 0.5, 0.35  # poses this close are the same place
 
 
 @dataclass(slots=True)

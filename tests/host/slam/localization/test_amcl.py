@@ -15,7 +15,7 @@ from thumper.maps.hit_counts import HitCounts
 from thumper.maps.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from thumper.slam.grid.grid_mapper import GridMapper
 from thumper.slam.localization.amcl import Amcl
-from thumper.slam.localization.amcl_state import RETRY_SCANS, LikelyPose, Schedule
+from thumper.slam.localization.amcl_state import RETRY_SCANS, Schedule
 from thumper.slam.mode_switch import SlamModeSwitch
 from thumper.slam.scan_matching.pose_trust import PoseTrust
 from thumper_hil.world.world import World
@@ -420,7 +420,7 @@ def test_where_places_look_alike_a_robot_is_where_it_was() -> None:
     walls = rectangle(-2.0, -1.0, 2.0, 1.0)
     pose, before = Pose2(x_m=1.0, y_m=0.3), Pose2(x_m=0.8, y_m=0.3)
     localizer = Amcl(World(segments_m=walls, circles_m=np.zeros((0, 3))).to_grid())
-    localizer.set_likely_pose(LikelyPose(map_from_base=before, odom_from_base=Pose2(x_m=5.0)))
+    localizer.set_likely_pose(before @ Pose2(x_m=5.0).inverse())
     localizer.update(Pose2(x_m=5.2), room_scan(pose, walls=walls), STILL)
     assert error_m(localizer, pose) < 0.05
     assert localizer.quality().lost == ""
@@ -429,7 +429,7 @@ def test_where_places_look_alike_a_robot_is_where_it_was() -> None:
 def test_a_robot_that_was_carried_away_is_not_where_it_was() -> None:
     pose = Pose2(x_m=-1.5, y_m=2.0, theta_rad=-1.0)
     localizer = Amcl(GRID)
-    localizer.set_likely_pose(LikelyPose(map_from_base=Pose2(x_m=0.3), odom_from_base=Pose2()))
+    localizer.set_likely_pose(Pose2(x_m=0.3))
     localizer.update(Pose2(), room_scan(pose), STILL)
     assert error_m(localizer, pose) < 0.05
 
