@@ -1,19 +1,13 @@
-"""The operator's guide lists the bus: topics with types, services, commands, options."""
+"""The page of topics and services lists the bus: topics with types, services, commands."""
 
 import re
-from dataclasses import fields
 from pathlib import Path
 
-from thumper.config.bus import BusOptions
-from thumper.config.manual_drive import ManualDriveOptions
 from thumper.ros.services import SERVICES
 from thumper.ros.topics import TOPICS, Direction
 from thumper.runtime.requests import COMMANDS
 
-DOCS = Path(__file__).parents[2] / "docs"
-PAGE = "\n\n".join(
-    (DOCS / name).read_text(encoding="utf-8") for name in ("reference/bus.md", "howto/operate.md")
-)
+PAGE = (Path(__file__).parents[2] / "docs/reference/bus.md").read_text(encoding="utf-8")
 
 
 def rows(head: str) -> list[list[str]]:
@@ -42,10 +36,3 @@ def test_lists_every_service_as_the_table_in_the_code() -> None:
 def test_lists_every_command() -> None:
     (row,) = [row for row in rows("in") if row[0] == "`command`"]
     assert set(re.findall(r"`([^`]+)`", row[2])) == set(COMMANDS)
-
-
-def test_lists_every_option_with_its_default() -> None:
-    for head, options, column in (("`[bus]`", BusOptions(), 2), ("`[service]`", ManualDriveOptions(), 3)):
-        listed = {row[0].strip("`"): row[column].strip('`"') for row in rows(head)}
-        defaults = {field.name: getattr(options, field.name) for field in fields(options)}
-        assert listed == {name: "true" if value is True else str(value) for name, value in defaults.items()}
