@@ -8,7 +8,6 @@ run.py changes every place of the firmware; this goes through docs/explanation/s
 
 import argparse
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -18,8 +17,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests.firmware.board.boot import ROOT
+from tests.meta import hazard_tables
 
-SAFETY_CASE = ROOT / "docs" / "explanation" / "safety.md"
 BUILT = ("hil/thumper_hil/chip/native/build", "host/thumper/kernels", "hil/thumper_hil/kernels")
 """Folders that git ignores and a copy needs: to compile the kernels again takes a robot over a minute."""
 INTERFACE, MAIN, MISSION = (
@@ -220,8 +219,8 @@ NOT_OF_THE_FIRMWARE = frozenset(
         "lidar silent or unplugged: driving blind",
         "unseen ground: an obstacle behind the robot that the lidar never saw",
         "tail sweep: a chair leg beside the tail of a robot that turns on the spot",
-        "silence: a dark leg returns no echo",
-        "lost echoes look like people who come and go",
+        "no return: a dark chair leg gives none",
+        "lost returns look like people who come and go",
         "wheels slip: odometry is wrong",
         "a goal in a wall that the map shows",
         "`thumper stop` while a program repeats its velocity command",
@@ -252,20 +251,13 @@ NOT_OF_THE_FIRMWARE = frozenset(
 
 def hazards_of_the_safety_case() -> list[str]:
     """Return the hazards of all its sections, in order."""
-    lines = SAFETY_CASE.read_text(encoding="utf-8").splitlines()
-    return [
-        line.split(" | ")[0].removeprefix("| ")
-        for line in lines
-        if line.startswith("| ") and "::test_" in line
-    ]
+    return [*hazard_tables.hazards("safety").values()]
 
 
 def named_tests(hazard: str) -> list[str]:
-    """Return the tests in a hazard's row of the safety case."""
-    row = next(
-        line for line in SAFETY_CASE.read_text(encoding="utf-8").splitlines() if f"| {hazard} |" in line
-    )
-    return re.findall(r"`(tests/[\w/]+\.py::test_\w+)`", row)
+    """Return the tests that the safety case names for a hazard."""
+    number = next(number for number, text in hazard_tables.hazards("safety").items() if text == hazard)
+    return hazard_tables.named_tests("safety")[number]
 
 
 def chosen_test(hazard: str) -> list[str]:
