@@ -1,5 +1,6 @@
 """The `Robot` class, as a first script uses it, with the real firmware in simulation."""
 
+import logging
 import math
 import re
 import time
@@ -133,7 +134,10 @@ def test_patrol_drives_all_rounds_and_logs_every_pose() -> None:
     assert poses[-1, 0] - poses[0, 0] == pytest.approx(speeds[-1, 0] - speeds[0, 0], abs=0.5)
 
 
-def test_explore_maps_what_was_hidden_and_comes_back(capsys: pytest.CaptureFixture[str]) -> None:
+def test_explore_maps_what_was_hidden_and_comes_back(
+    capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "thumper.robot")
     with Robot("sim://?world=lab_box&x_m=2.05&y_m=0.64&yaw_deg=-147") as robot:
         before = (robot.map.cells >= 0).sum()
         result = robot.explore(minutes=3.0)
@@ -143,6 +147,9 @@ def test_explore_maps_what_was_hidden_and_comes_back(capsys: pytest.CaptureFixtu
     assert result.reason.startswith("explored after")
     assert result.reason.endswith("; back at the start")
     assert capsys.readouterr().out == ""  # like `goto`
+    lines = [record.getMessage() for record in caplog.records if record.name == "thumper.robot"]
+    assert "exploring: frontier 1" in lines
+    assert lines[-1].startswith("exploring: home: at the goal")
 
 
 def test_a_saved_map_stays_as_it_is(tmp_path: Path, lab: Robot) -> None:

@@ -34,6 +34,7 @@ from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.goal import Goal, check_place
 from thumper.robot import arguments
+from thumper.robot.leg_log import LegLog
 from thumper.runtime.assembly import check_ports, collision_monitor, open_robot
 from thumper.runtime.drive import motions, tasks
 from thumper.runtime.drive.motions import Motion
@@ -498,7 +499,7 @@ class Robot:
     def _run(self, task: Task) -> DriveResult:
         """Carry out a task; raise KeyboardInterrupt, as any Python code would, if Ctrl-C ended it."""
         forget_interrupts()  # those that the script has caught
-        result = self._loop.run(task)
+        result = self._loop.run(task, LegLog())
         if result.interrupted:
             raise KeyboardInterrupt
         return result
