@@ -66,6 +66,33 @@ def test_keys_drive_and_their_release_stops(front_page: Page) -> None:
     wait(front_page, "now.left_speed === 0 && now.right_speed === 0")
 
 
+def test_space_is_the_emergency_stop_and_does_not_scroll(front_page: Page) -> None:
+    wait(front_page, "now.left_speed > 1000")
+    front_page.locator(".robot-room").focus()
+    place = front_page.evaluate("window.scrollY")
+    front_page.keyboard.press("Space")
+    wait(front_page, "now.state === 'FAULT' && now.fault === 'E_STOP' && now.left_pwm === 0")
+    assert front_page.evaluate("window.scrollY") == place
+
+
+def test_gains_hold_the_speed_against_friction_and_can_be_reset(front_page: Page) -> None:
+    wait(front_page, "true")
+    for gain in ("kp", "ki"):
+        front_page.locator(f"[data-gain={gain}]").fill("0")
+    front_page.locator(".robot-room").focus()
+    front_page.keyboard.down("a")
+    wait(front_page, "now.left_setpoint < -4700")
+    front_page.wait_for_timeout(1000)
+    wait(front_page, "now.left_setpoint < -4700 && now.left_speed > -3000 && now.left_pwm < 0")
+    front_page.get_by_role("button", name="Reset gains").click()  # takes the focus: the key is released
+    expect(front_page.locator("[data-gain=kp]")).to_have_value(str(KP.default))
+    front_page.locator(".robot-room").focus()
+    front_page.keyboard.up("a")
+    front_page.keyboard.down("a")
+    wait(front_page, "now.left_speed < -4000")
+    front_page.keyboard.up("a")
+
+
 def test_finger_on_the_stick_drives(front_page: Page) -> None:
     front_page.set_viewport_size({"width": 390, "height": 844})
     stick = front_page.locator(".robot-stick")

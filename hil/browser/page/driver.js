@@ -6,8 +6,8 @@ const KEYS = {
   ArrowLeft: [0, 1], KeyA: [0, 1], ArrowRight: [0, -1], KeyD: [0, -1],
 };
 
-/** Call `drive(twist)` with each wanted motion while keys are held in `area` or the stick is moved. */
-export function listen(area, stick, drive) {
+/** Call `drive(twist)` with each wanted motion while keys are held in `area` or the stick is moved, `stop()` at Space. */
+export function listen(area, stick, { drive, stop }) {
   const held = new Set();
   const send = (ahead, left) => drive({ v_m_s: ahead * SPEED_M_S, w_rad_s: left * TURN_RAD_S });
   const sendKeys = () => {
@@ -16,6 +16,11 @@ export function listen(area, stick, drive) {
     send(sum(0), sum(1));
   };
   area.addEventListener("keydown", (event) => {
+    if (event.code === "Space" && !(event.target instanceof HTMLButtonElement)) {  // which it presses
+      event.preventDefault();  // it would scroll the page
+      held.clear();
+      stop();
+    }
     if (!(event.code in KEYS) || event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.target instanceof HTMLInputElement && event.code.startsWith("Arrow")) return;  // they move a slider
     event.preventDefault();

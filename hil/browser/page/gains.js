@@ -2,8 +2,9 @@
 
 const SHOWN = [["kp", 40], ["ki", 25], ["acceleration", 30]];  // and the slider's end
 
-/** Add the sliders to a form field; `set(name, value)` sends a value. */
+/** Add the sliders to a form field, before its text; `set(name, value)` sends a value. */
 export function addGains(field, protocol, set) {
+  const text = field.querySelector("p"), sliders = [];
   for (const [name, most] of SHOWN) {
     const parameter = protocol.parameters.find((one) => one.name === name);
     const label = document.createElement("label");
@@ -19,6 +20,13 @@ export function addGains(field, protocol, set) {
       set(name, Number(slider.value));
     });
     show();
-    field.append(label);
+    text.before(label);
+    sliders.push([slider, parameter.default]);
   }
+  field.querySelector("[data-reset]").addEventListener("click", () => {
+    for (const [slider, value] of sliders) {
+      slider.value = value;
+      slider.dispatchEvent(new Event("input"));
+    }
+  });
 }

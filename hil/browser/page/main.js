@@ -37,10 +37,11 @@ function start(element) {
     simulation.repair();
     find(".robot-room").focus({ preventScroll: true });
   });
-  listen(element, find(".robot-stick"), (twist) => {
+  const drive = (twist) => {
     simulation.twist = twist;
     find(".robot-hint").hidden = true;
-  });
+  };
+  listen(element, find(".robot-stick"), { drive, stop: () => simulation.link.command("E_STOP") });
   const wait = matchMedia("(prefers-reduced-motion: reduce)").matches;
   if (wait) simulation.twist = { v_m_s: 0, w_rad_s: 0 };
 
