@@ -12,11 +12,15 @@ import pytest
 from benchmarks.shared.live import END_WITH_PARENT
 
 from tests.e2e.service import START, Service
+from tests.host.cli.conftest import Ended
+from tests.host.cli.conftest import thumper as here
 from thumper.board.options import BoardOptions
 from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
 from thumper.runtime.assembly import open_robot
 from thumper_hil.bench import simulation
+
+__all__ = ["here"]
 
 THUMPER = Path(sys.executable).with_name("thumper")
 
@@ -33,6 +37,17 @@ def thumper() -> Callable[..., subprocess.CompletedProcess[str]]:
             timeout=timeout_s,
             check=False,
         )
+
+    return run
+
+
+@pytest.fixture
+def in_process(here: Callable[..., Ended]) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Return a function as that of `thumper` that starts no process, which takes 0.5 to 2 s of CPU time."""
+
+    def run(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        ended = here(*map(str, arguments))
+        return subprocess.CompletedProcess(arguments, ended.status, ended.out, ended.err)
 
     return run
 

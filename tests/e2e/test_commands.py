@@ -1,4 +1,4 @@
-"""`thumper goto`, `stop`, `save`, `status`, `watch` against a running robot, each in its own process."""
+"""`thumper goto`, `stop`, `save`, `status`, `watch` against a running robot in another process."""
 
 import json
 import signal
@@ -12,8 +12,16 @@ import pytest
 from benchmarks.shared.live import END_WITH_PARENT, free_port, until
 
 from tests.e2e.conftest import THUMPER
+from thumper.bus.client import BusClient
+from thumper.ros.codec import Message
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture
+def thumper(in_process: Run) -> Run:
+    """Run each command in this process: its files, messages and exit status are the same."""
+    return in_process
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +36,10 @@ def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     )
     assert process.stdout is not None
     assert "is running on" in process.stdout.readline()
+    with BusClient("thumper", address) as client:
+        maps: list[Message] = []
+        client.subscribe("map", maps.append)
+        until(lambda: maps)  # before, it accepts no goal
     yield address
     process.send_signal(signal.SIGINT)
     rest, errors = process.communicate(timeout=20)

@@ -19,6 +19,12 @@ from thumper_hil.world.world import World
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
+@pytest.fixture
+def thumper(in_process: Run) -> Run:
+    """Run each command in this process: its files, messages and exit status are the same."""
+    return in_process
+
+
 def test_edits_a_map_into_a_new_one(thumper: Run, tmp_path: Path) -> None:
     lab, new = tmp_path / "lab.yaml", tmp_path / "sub" / "new.yaml"
     grid = World.load("lab").to_grid()

@@ -12,6 +12,12 @@ from thumper.recording.recorder import Recorder
 Thumper = Callable[..., "subprocess.CompletedProcess[str]"]
 
 
+@pytest.fixture
+def thumper(in_process: Thumper) -> Thumper:
+    """Thumper each command in this process: its files, messages and exit status are the same."""
+    return in_process
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
