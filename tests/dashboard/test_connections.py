@@ -4,6 +4,7 @@ import asyncio
 import json
 from collections import Counter
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from thumper.common.errors import ThumperError
@@ -53,7 +54,8 @@ def deliver(
     commands, socket = Commands(refusal), Socket(messages)
     page = PageConnection(socket)  # type: ignore[arg-type]
     connections = Connections(None, commands, dict)  # type: ignore[arg-type]
-    asyncio.run(connections._receive(page))
+    with ThreadPoolExecutor(1) as thread:  # the event loop of the browser's tests runs in this one
+        thread.submit(asyncio.run, connections._receive(page)).result()
     return commands, socket, [json.loads(text) for text in page.queue if isinstance(text, str)]
 
 

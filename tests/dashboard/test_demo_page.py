@@ -4,9 +4,9 @@ import socket
 import time
 from dataclasses import replace
 
-from benchmarks.shared.browser import Server
+from benchmarks.shared.browser import Server, open_page
 from benchmarks.shared.live import free_port, until
-from playwright.sync_api import Page
+from playwright.sync_api import Browser
 
 from thumper.bus.client import BusClient
 from thumper.config.robot import RobotConfig
@@ -34,7 +34,9 @@ def test_between_two_robots_the_pages_hear_what_happens() -> None:
     assert heard[-1][0] - heard[-2][0] < 1.5  # or the page reports a lost link
 
 
-def test_server_counts_the_open_pages(page: Page, server: Server) -> None:
+def test_server_counts_the_open_pages(browser: Browser, server: Server) -> None:
+    page = browser.new_page()
+    open_page(page, server)
     page.wait_for_function("window.thumper?.state.packets > 0")
     assert open_pages(f"{server.url}/") == 1
     page.close()

@@ -4,8 +4,9 @@ import re
 from typing import Literal
 
 import pytest
+from benchmarks.shared.browser import Server, open_page
 from benchmarks.shared.fake_robot import FakeRobot
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
@@ -67,9 +68,10 @@ def test_log_has_lines_from_before_its_tab_opened(page: Page, robot: FakeRobot) 
     expect(page.locator(".tp-logline", has_text="a wheel slips")).to_be_visible()
 
 
-def test_slow_page_shows_no_log_line_twice(page: Page, robot: FakeRobot) -> None:
+def test_slow_page_shows_no_log_line_twice(browser: Browser, server: Server, robot: FakeRobot) -> None:
     """A page that has fallen behind receives a full packet, as a new page does."""
     robot.event("a wheel slips again")
+    page = browser.new_page()
     page.add_init_script("""window.WebSocket = class extends WebSocket {
       constructor(...how) {
         super(...how);
@@ -78,7 +80,7 @@ def test_slow_page_shows_no_log_line_twice(page: Page, robot: FakeRobot) -> None
         });
       }
     };""")
-    page.reload()
+    open_page(page, server)
     page.click(".tp-tab-log")
     line = page.locator(".tp-logline", has_text="a wheel slips again")
     expect(line).to_have_count(1)
@@ -86,6 +88,7 @@ def test_slow_page_shows_no_log_line_twice(page: Page, robot: FakeRobot) -> None
     expect(line).to_have_count(1)
     page.evaluate("fallBehind()")
     expect(line).to_have_count(1)
+    page.close()
 
 
 def test_the_speed_of_the_simulation_is_marked(page: Page) -> None:

@@ -22,7 +22,13 @@ PHONE: ViewportSize = {"width": 390, "height": 844}
 
 
 @pytest.mark.parametrize(
-    ("theme", "screen"), [("light", DESK), ("dark", DESK), ("light", PHONE), ("dark", PHONE)]
+    ("theme", "screen"),
+    [
+        pytest.param("light", DESK, id="light, screen"),
+        pytest.param("dark", PHONE, id="dark, phone"),
+        pytest.param("dark", DESK, id="dark, screen", marks=pytest.mark.slow),
+        pytest.param("light", PHONE, id="light, phone", marks=pytest.mark.slow),
+    ],
 )
 def test_all_text_can_be_read(
     browser: Browser, server: Server, robot: FakeRobot, library: Path, theme: str, screen: ViewportSize
