@@ -115,6 +115,7 @@ def test_without_the_camera_the_robot_stops() -> None:
         assert place(service).x_m < -0.3
 
 
+@pytest.mark.slow
 def test_a_robot_that_no_longer_sees_its_dock_gives_up() -> None:
     with robot("vanished-dock", retries=2, staging_m=0.4) as service:
         service.put(RobotCommand(name="dock"))
@@ -124,6 +125,7 @@ def test_a_robot_that_no_longer_sees_its_dock_gives_up() -> None:
         assert said(service, "not docked: the dock's tag is not in view; tried 3 times"), service.events
 
 
+@pytest.mark.slow
 def test_without_a_charger_at_the_contacts_it_is_not_docked() -> None:
     with robot("dead-charger", retries=0, staging_m=0.4, charger_V=0.3) as service:
         for tries in range(1, 4):  # one approach may end a little beside the dock

@@ -5,6 +5,7 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
 from benchmarks.shared.live import free_port
 
 from thumper.recording.reader import Recording, find_recordings
@@ -30,6 +31,7 @@ def test_a_lost_lidar_ends_exploration_and_saves_the_map(thumper: Run, tmp_path:
     assert {"map.yaml", "map.pgm", "summary.json"} <= {path.name for path in out.iterdir()}
 
 
+@pytest.mark.slow
 def test_stop_between_two_drives_does_not_lose_the_lidar(thumper: Run, tmp_path: Path) -> None:
     record = ("--record-to", tmp_path / "rec", "--out", tmp_path / "out")
     done = thumper(

@@ -97,6 +97,7 @@ yaw_deg = 180.0
 """
 
 
+@pytest.mark.slow
 def test_a_tag_that_was_surveyed_corrects_the_pose_in_a_drive(tmp_path: Path) -> None:
     """The robot estimates the opposite heading. It drives away from its goal until it sees the tag."""
     world = tmp_path / "symmetric.toml"

@@ -89,6 +89,9 @@ GUARDS: dict[str, Guard] = {
     ),
 }
 
+# One guard of an atomic block and one of an interrupt in assembly; each of the others takes 2 to 8 s.
+QUICK = ("atomic switch of the tone", "flags that the edge interrupt restores")
+
 
 def failures_of(scenario: Scenario, elf: Path, interrupt: Interrupt) -> list[str]:
     """Run a scenario in a small new process: it forks thousands of times, and a fork copies page tables."""
@@ -106,7 +109,9 @@ def test_an_interrupt_anywhere_tears_nothing(scenario: Scenario, interrupt: Inte
     assert failures_of(scenario, ELF, interrupt) == []
 
 
-@pytest.mark.parametrize("name", GUARDS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in GUARDS]
+)
 def test_the_sweep_finds_a_missing_guard(name: str, tmp_path: Path) -> None:
     guard = GUARDS[name]
     firmware = tmp_path / "firmware"

@@ -223,6 +223,7 @@ def test_worker_without_a_requirement_names_it(tmp_path: Path) -> None:
     assert sys.path == before
 
 
+@pytest.mark.slow
 def test_campaign_brings_thumper_to_workers_and_loses_no_row_with_one(
     tmp_path: Path, cluster: tuple[str, list[subprocess.Popen[bytes]]]
 ) -> None:

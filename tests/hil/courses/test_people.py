@@ -12,6 +12,10 @@ BLOCKING = [person((2.0, 0.0), (2.0, 1.6), from_s=12.0)]
 STAYING = [person((2.0, 0.0), (2.0, 1.6), from_s=NEVER_S)]
 
 
+def along_the_path(from_s: float) -> str:
+    return person((5.2, 0.2), (-1.0, 0.2), from_s=from_s)
+
+
 @pytest.mark.parametrize(
     "people",
     [
@@ -19,7 +23,8 @@ STAYING = [person((2.0, 0.0), (2.0, 1.6), from_s=NEVER_S)]
         pytest.param(CROSSING[2.0], id="cross 2 s"),
         pytest.param(CROSSING[3.0], id="cross 3 s", marks=pytest.mark.slow),
         pytest.param(CROSSING[4.0], id="cross 4 s", marks=pytest.mark.slow),
-        pytest.param(TWO, id="two"),
+        pytest.param(TWO, id="two", marks=pytest.mark.slow),
+        pytest.param([along_the_path(1.0)], id="along the path"),
         pytest.param(BLOCKING, id="blocks, then goes"),
         pytest.param(STAYING, id="stays"),
     ],
@@ -30,13 +35,12 @@ def test_drives_into_nobody(people: list[str]) -> None:
     assert run.reached or run.bumps, run.reason
 
 
+@pytest.mark.slow
 def test_steps_aside_for_somebody_who_comes_along_the_path() -> None:
     """They do not look: one who changes nothing may brush a robot that stands aside."""
     bumps = 0
     for from_s in (0.5, 1.0, 1.5, 2.0, 2.5, 3.0):
-        run = drive_course(
-            course_among([person((5.2, 0.2), (-1.0, 0.2), from_s=from_s)]), preset="nominal", seed=0
-        )
+        run = drive_course(course_among([along_the_path(from_s)]), preset="nominal", seed=0)
         assert run.reached, run.reason
         assert run.contacts == 0
         bumps += run.bumps

@@ -125,7 +125,7 @@ def test_the_lidar_pitches_with_the_floor(tmp_path: Path, uphill: bool) -> None:
     assert beside_m == pytest.approx(3.0, abs=0.1)
 
 
-@pytest.mark.parametrize("preset", ["nominal", "hard"])
+@pytest.mark.parametrize("preset", [pytest.param("nominal", marks=pytest.mark.slow), "hard"])
 def test_the_robot_drives_up_a_door_ramp_and_down_again(preset: str) -> None:
     name = f"ramp_{preset}"
     config = RobotConfig(

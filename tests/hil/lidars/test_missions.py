@@ -16,7 +16,17 @@ from thumper_hil.demo.missions import STRAIGHT, TOLERANCE_M
 from thumper_hil.world.world import World
 
 
-@pytest.mark.parametrize("model", ["urg04lx", "ld19", "rplidar_a1", "rplidar_a2", "rplidar_c1", "ydlidar_x4"])
+@pytest.mark.parametrize(
+    "model",
+    [
+        "urg04lx",
+        "ld19",
+        *(
+            pytest.param(model, marks=pytest.mark.slow)
+            for model in ("rplidar_a1", "rplidar_a2", "rplidar_c1", "ydlidar_x4")
+        ),
+    ],
+)
 def test_straight_mission_succeeds(model: LidarModel) -> None:
     start = STRAIGHT.start
     url = (

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import thumper
 
 PACKAGE = Path(thumper.__file__).parent
@@ -92,6 +94,7 @@ print(signatures, len(plain.compiled.signatures))
 """
 
 
+@pytest.mark.slow
 def test_the_warm_up_compiles_for_the_distances_of_a_fine_map() -> None:
     """They take two bytes per cell there."""
     done = subprocess.run([sys.executable, "-c", FINE], capture_output=True, text=True, check=False)

@@ -84,6 +84,7 @@ def test_sixty_seconds_of_curves_determine_the_wheels(seed: int) -> None:
     assert found.friction.value == pytest.approx(FRICTION_PWM, abs=2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("left", [1.0, 0.9])
 def test_curves_to_both_sides_determine_the_gain_of_each_side(left: float) -> None:
     """Many of the drives turn too little: their gains must be right or not determined.
