@@ -3,6 +3,8 @@
 import logging
 import math
 import re
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -122,7 +124,7 @@ def test_patrol_drives_all_rounds_and_logs_every_pose() -> None:
             [(0.4, 0.0), {"x_m": 0.4, "y_m": -0.4, "heading_deg": 90}], rounds=2, wait_s=3.0
         )
         assert result.reached, result.reason
-        stationary = np.abs(robot.log.speeds[:, 1:]).max(axis=1) < 0.01
+        stationary = np.abs(robot.log.speeds[:, 1:7]).max(axis=1) < 0.01
         stops, starts = (np.flatnonzero(np.diff(stationary.astype(int)) == sign) for sign in (1, -1))
         waits_s = robot.log.speeds[starts[1:], 0] - robot.log.speeds[stops[:3], 0]
         assert len(starts) == 4
@@ -321,6 +323,29 @@ def test_a_pause_of_the_script_does_not_shorten_the_next_call(ports: tuple[Path,
 def test_a_closed_robot_explains_how_to_open_it() -> None:
     with pytest.raises(ThumperError, match="with Robot"):
         Robot("sim://").drive(v_m_s=0.1, duration_s=1.0)
+
+
+def test_what_was_measured_stays_readable_after_the_end(tmp_path: Path) -> None:
+    robot = Robot("sim://").open()
+    with pytest.raises(ThumperError, match="open already"):
+        robot.open()
+    robot.forward(0.2)
+    pose, rows = robot.pose, len(robot.log.speeds)
+    robot.close()
+    robot.close()
+    assert robot.pose == pose
+    assert len(robot.log.speeds) == rows
+    assert robot.log.speeds[-1, robot.log.SPEED_COLUMNS.index("battery_V")] == pytest.approx(robot.battery_V)
+    assert robot.save_map(tmp_path / "map").exists()
+    assert "closed at (0.2" in repr(robot)
+    with pytest.raises(ThumperError, match="not open"):
+        robot.forward(0.2)
+
+
+def test_python_ends_without_a_word_when_the_robot_was_left_open() -> None:
+    script = "from thumper import Robot\nrobot = Robot('sim://').open()\nrobot.forward(0.1)"
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 
 
 @pytest.mark.parametrize(

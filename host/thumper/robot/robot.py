@@ -10,9 +10,10 @@
 
 Everything happens inside the calls. Between them the robot is stationary with its motors off, however long
 the script takes; the next call reads what has waited in the ports. On exit, whatever the reason, the motors
-stop first.
+stop first. The map, the log and the last pose stay readable.
 """
 
+import atexit
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import replace
@@ -54,11 +55,12 @@ if TYPE_CHECKING:
 
 NEAR_M, NEAR_RAD = 0.1, 0.1
 MAX_EXPLORE_MINUTES = 24 * 60
+NOT_OPEN = "the robot is not open; use `with Robot(...) as robot:`, or robot.open()"
 DISARM_CYCLES = 3  # telemetry from before the disarming may still arrive
 
 
 class Robot:
-    """A robot on its ports, or a simulated one. Use it in a `with` statement.
+    """A robot on its ports, or a simulated one. Use it in a `with` statement, or `open` and `close` it.
 
         with Robot("sim://") as robot:
             robot.forward(0.5)
@@ -80,7 +82,7 @@ class Robot:
         map: str | Path | None = None,  # noqa: A002 - the word that users expect
         session: str | Path | None = None,
     ) -> None:
-        """Choose the ports; `with` opens them.
+        """Choose the ports; `with` or `open` opens them.
 
         `board` is a port or "sim://", which simulates a new robot and its lidar; options follow after "?"
         ("sim://?world=hall&seed=3"). The default ports are those of the `config` file. `start` is the robot's
@@ -111,15 +113,29 @@ class Robot:
         self._map = path("map", map) if map else None
         self._start = start if start or session or map else Pose2()
         self._stack = ExitStack()
-        self._robot_loop: RobotLoop | None = None
+        self._robot_loop: RobotLoop | None = None  # stays after `close`, to be read
+        self._is_open = False
         self._live_figure: LiveFigure | None = None
         self._target: Pose2 | None = None  # of the last simple motion
 
     def __enter__(self) -> Self:
-        """Open the ports and map the first scans; raise ThumperError if board or lidar do not answer.
+        return self.open()
 
-        If kernels must be compiled first, a line on stderr says so.
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def open(self) -> Self:
+        """Open the ports and map the first scans. For a notebook, where a `with` ends with its cell.
+
+        If kernels must be compiled first, a line on stderr says so. The end of Python closes the robot.
+
+        Raises
+        ------
+        ThumperError
+            Board or lidar do not answer, or the robot is open already.
         """
+        if self._is_open:
+            raise ThumperError("the robot is open already", exit_code=EXIT_USAGE)
         from rich.console import Console  # 0.1 s that an import of Robot need not take
 
         from thumper.common.compile_progress import compile_progress
@@ -132,28 +148,34 @@ class Robot:
                 known = load_map(self._map)
             opened = open_robot(self._config, self._start, known, annotations=self._annotations())
             with compile_progress(Console(stderr=True, force_jupyter=False)):  # Jupyter needs a widget for it
-                self._robot_loop = stack.enter_context(opened)
-            self._loop.wait_for_map()
+                loop = stack.enter_context(opened)
+            loop.wait_for_map()
             self._stack = stack.pop_all()
+        self._robot_loop, self._is_open = loop, True
+        atexit.register(self.close)
         return self
+
+    def close(self) -> None:
+        """Stop the motors and close the ports; map, log and the last values stay readable."""
+        self._is_open = False
+        atexit.unregister(self.close)
+        self._stack.close()
 
     def _annotations(self) -> Annotations:
         """Return the zones and places that were saved with the map."""
         path = self._session or self._map
         return load_annotations(annotations_path(path)) if path else Annotations()
 
-    def __exit__(self, *_: object) -> None:
-        self._robot_loop = None
-        self._stack.close()
-
     def __repr__(self) -> str:
         port = self._config.board.port
         if self._robot_loop is None:
             return f"<Robot {port}: not open>"
-        pose, telemetry = self._state.map_from_base, self._loop.inputs.telemetry
+        pose, telemetry = self._state.map_from_base, self._robot_loop.inputs.telemetry
+        place = f"at ({pose.x_m:z.2f} m, {pose.y_m:z.2f} m, {pose.heading_deg:z.0f} deg)"
+        if not self._is_open:
+            return f"<Robot {port}: closed {place}>"
         battery = f", {telemetry.battery_mV / 1000.0:.1f} V, {telemetry.state.name}" if telemetry else ""
-        place = f"({pose.x_m:z.2f} m, {pose.y_m:z.2f} m, {pose.heading_deg:z.0f} deg)"
-        return f"<Robot {port} at {place}{battery}>"
+        return f"<Robot {port} {place}{battery}>"
 
     def forward(self, distance_m: float, *, v_m_s: float = 0.25, unseen: bool = False) -> DriveResult:
         """Drive straight by `distance_m`, backward if negative, and return the result.
@@ -358,22 +380,19 @@ class Robot:
     @property
     def map(self) -> OccupancyGrid:
         """The map so far: `cells` of shape (rows, columns), its resolution [m] and its origin [m]."""
-        self._catch_up()
-        return self._loop.mapper.grid()
+        return self._catch_up().mapper.grid()
 
     @property
     def scan(self) -> Scan:
         """The newest scan: `ranges_m` of shape (n,); `angles_rad()` gives each beam in the laser frame."""
-        self._catch_up()
-        scan = self._loop.inputs.newest_scan
-        assert scan is not None  # the first scans came with __enter__
+        scan = self._catch_up().inputs.newest_scan
+        assert scan is not None  # the first scans came with `open`
         return scan
 
     @property
     def telemetry(self) -> Telemetry:
         """The newest telemetry of the board, in its own units: mrad/s, mV, mA, counts."""
-        self._catch_up()
-        telemetry = self._loop.inputs.telemetry
+        telemetry = self._catch_up().inputs.telemetry
         assert telemetry is not None
         return telemetry
 
@@ -392,8 +411,8 @@ class Robot:
 
     @property
     def log(self) -> DriveLog:
-        """All since the start: `speeds`, shape (n, 7), `poses`, shape (n, 4), and `plans`, each (n, 2)."""
-        return self._loop.log
+        """All since the start: `speeds`, shape (n, 8), `poses`, shape (n, 4), and `plans`, each (n, 2)."""
+        return self._opened.log
 
     def plot(self) -> "RobotFigure":
         """Return a matplotlib figure: map, plans, driven path, newest scan and robot. A notebook shows it."""
@@ -432,25 +451,36 @@ class Robot:
         """
         yaml_path = map_yaml_path(arguments.file_path("save_map", "path", path))
         save_map(self.map, yaml_path)
-        state = SavedSlamState.from_mapper(self._loop.mapper, self.pose)
+        state = SavedSlamState.from_mapper(self._opened.mapper, self.pose)
         save_session(state, yaml_path.with_suffix(".session"))
-        save_annotations(self._loop.annotations, annotations_path(yaml_path))
+        save_annotations(self._opened.annotations, annotations_path(yaml_path))
         return yaml_path
 
     @property
-    def _loop(self) -> RobotLoop:
+    def _opened(self) -> RobotLoop:
+        """The loop, to read from it; the robot is open or was."""
         if self._robot_loop is None:
-            raise ThumperError("the robot is not open; use `with Robot(...) as robot:`", exit_code=EXIT_USAGE)
+            raise ThumperError(NOT_OPEN, exit_code=EXIT_USAGE)
         return self._robot_loop
 
     @property
+    def _loop(self) -> RobotLoop:
+        """The loop, to drive with it."""
+        if not self._is_open:
+            raise ThumperError(NOT_OPEN, exit_code=EXIT_USAGE)
+        return self._opened
+
+    @property
     def _state(self) -> RobotState:
-        state = self._loop.inputs.estimator.state()
+        state = self._opened.inputs.estimator.state()
         assert state is not None
         return state
 
-    def _catch_up(self) -> None:
-        self._loop.wait_for_map()
+    def _catch_up(self) -> RobotLoop:
+        """Return the loop to read from, up to date if the robot is open."""
+        if self._is_open:
+            self._loop.wait_for_map()
+        return self._opened
 
     def _reference(self) -> Pose2:
         """Return where the last `forward` or `turn` should have ended, if the robot is near it, or its pose.
@@ -469,7 +499,7 @@ class Robot:
         state = self._state
         return partial(
             robot_figure,
-            self._loop.mapper.grid(),
+            self._opened.mapper.grid(),
             self.log,
             state.map_from_base,
             self._config.footprint,

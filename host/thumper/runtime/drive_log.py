@@ -1,7 +1,7 @@
 """Log of a run for plots and tables: one row per control tick, in memory."""
 
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
@@ -17,6 +17,7 @@ SPEED_COLUMNS = (
     "right_setpoint",
     "right_speed",
     "right_pwm",
+    "battery_V",
 )
 
 
@@ -45,6 +46,8 @@ class Thinned(list[T]):
 class DriveLog:
     """Log of all drives; `poses` and `speeds` return it as arrays. A long log becomes coarser, not longer."""
 
+    SPEED_COLUMNS: ClassVar = SPEED_COLUMNS  # the names of the columns of `speeds`
+
     _poses: list[tuple[float, float, float, float]] = field(default_factory=lambda: Thinned(MAX_ROWS))
     _speeds: list[tuple[float, ...]] = field(default_factory=lambda: Thinned(MAX_ROWS))
     # States of the navigator, and each new global plan, shape (n, 2) [m] in `map`.
@@ -59,11 +62,11 @@ class DriveLog:
         self._poses.append((time_s, map_from_base.x_m, map_from_base.y_m, map_from_base.theta_rad))
 
     def add_speeds(self, sample: TelemetrySample) -> None:
-        """Add set-points, speeds and PWM of one control tick."""
+        """Add set-points, speeds, PWM and battery voltage of one control tick."""
         t = sample.telemetry
         left = (t.left_setpoint / 1000, t.left_speed / 1000, float(t.left_pwm))
         right = (t.right_setpoint / 1000, t.right_speed / 1000, float(t.right_pwm))
-        self._speeds.append((sample.time_s, *left, *right))
+        self._speeds.append((sample.time_s, *left, *right, t.battery_mV / 1000))
 
     def add_plan(self, plan_m: FloatArray) -> None:
         """Add a global plan unless it equals the last one."""
@@ -77,7 +80,11 @@ class DriveLog:
 
     @property
     def speeds(self) -> FloatArray:
-        """The speeds: columns as `SPEED_COLUMNS`, in rad/s and PWM of 255; shape (n, 7)."""
+        """The wheels at each control tick, shape (n, 8); `SPEED_COLUMNS` names the columns.
+
+        Time [s]; set-point and speed [rad/s] and PWM (of 255) of the left wheels, then of the right ones; the
+        battery voltage [V].
+        """
         return np.array(self._speeds, dtype=np.float64).reshape(-1, len(SPEED_COLUMNS))
 
 

@@ -13,7 +13,7 @@ from thumper.runtime.drive_log import DriveLog
 
 def test_legends_do_not_cover_the_curves() -> None:
     figure = Figure(figsize=(9, 6), layout="constrained")
-    speeds = np.zeros((20, 7))
+    speeds = np.zeros((20, 8))
     speeds[:, 0] = np.arange(20)
     draw_speeds(figure, speeds, "wheel speed control on the straight run")
     FigureCanvasAgg(figure).draw()  # type: ignore[no-untyped-call]
