@@ -172,7 +172,7 @@ def _tabs(robot: QueryClient) -> None:
 
 
 def _drive_panel() -> None:
-    with box("tp-buttons"):
+    with box("tp-buttons tp-commands"):
         _command_button("Arm", {"kind": "command", "name": "arm"}, "tp-go tp-arm")
         _command_button("Disarm", {"kind": "command", "name": "disarm"}, "tp-plain tp-disarm")
         _command_button("Explore", {"kind": "command", "name": "explore"}, "tp-plain")
