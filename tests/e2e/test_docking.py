@@ -20,7 +20,7 @@ from thumper_hil.bench import simulation
 if importlib.util.find_spec("cv2") is None:
     pytest.skip("the extra `camera` is not installed", allow_module_level=True)
 
-START = Pose2(x_m=-0.35, y_m=0.12, theta_rad=math.radians(170.0))  # the tag is in view
+START = Pose2(y_m=0.12, theta_rad=math.radians(175.0))  # the tag is in view
 DOCKED = Pose2(x_m=-1.595 + DockOptions().distance_m, theta_rad=math.pi)
 
 

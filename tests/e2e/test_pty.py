@@ -28,13 +28,13 @@ def test_run_reaches_a_goal_over_serial_ports(thumper: Run, ports: tuple[Path, P
     assert (out / "map.pgm").exists()
 
 
-def test_parameters_are_set_and_saved(thumper: Run, ports: tuple[Path, Path]) -> None:
+def test_parameters_are_set_and_saved(in_process: Run, ports: tuple[Path, Path]) -> None:
     board = ("--board", ports[0])
-    shown = thumper("parameters", *board)
+    shown = in_process("parameters", *board)
     assert shown.returncode == 0, shown.stderr
     assert re.search(r"kp .* 6\.1 ", shown.stdout)
     assert "saved" not in shown.stdout
-    done = thumper("parameters", *board, "kp=7.5", "ks=0")
+    done = in_process("parameters", *board, "kp=7.5", "ks=0")
     assert "saved on the board: kp, ks" in done.stdout, done.stderr
     with closing(Board.open(str(ports[0]), baud=500_000)) as robot:
         robot.set_parameter("kp", 1.0)
@@ -45,10 +45,10 @@ def test_parameters_are_set_and_saved(thumper: Run, ports: tuple[Path, Path]) ->
         "kq=1": "unknown parameter 'kq'",
         "kp=900": "kp = 900.0 is refused; choose 0...60",
     }.items():
-        refused = thumper("parameters", *board, "ks=3", wrong)
+        refused = in_process("parameters", *board, "ks=3", wrong)
         assert line in refused.stderr
         assert refused.returncode == 2
-    assert re.search(r"ks .* 0 ", thumper("parameters", *board).stdout), "all or none"
+    assert re.search(r"ks .* 0 ", in_process("parameters", *board).stdout), "all or none"
 
 
 def test_interrupt_stops_the_motors_first(ports: tuple[Path, Path], tmp_path: Path) -> None:

@@ -181,7 +181,7 @@ def test_only_the_campaign_itself_reaches_its_scheduler() -> None:
 
 
 def test_whole_campaign_runs_over_tls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two parameter sets and two seeds on two worker processes; rows and progress come back encrypted."""
+    """Two parameter sets on two worker processes; rows and progress come back encrypted."""
     start, addresses = runner._local_cluster, list[str]()
 
     @contextmanager
@@ -191,7 +191,7 @@ def test_whole_campaign_runs_over_tls(tmp_path: Path, monkeypatch: pytest.Monkey
             yield cluster
 
     monkeypatch.setattr(runner, "_local_cluster", watched)
-    jobs = expand_jobs(load_campaign(written(tmp_path)), tmp_path)
+    jobs = expand_jobs(load_campaign(written(tmp_path)), tmp_path)[1:3]
     with RowStore(tmp_path, "d") as store:
         reported: list[CampaignRow] = []
         runner.run_jobs(jobs, store, scheduler=None, workers=2, report=reported.append)
