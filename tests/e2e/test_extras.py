@@ -57,6 +57,7 @@ def test_pip_takes_the_extra_from_the_installed_package(extra: str) -> None:
     assert f"{PROJECT['name']}[{extra}]" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_campaign_without_pyarrow_writes_csv(tmp_path: Path) -> None:
     two_sets = 'parameters = [{ name = "default" }, { name = "gentle", robot = "gentle.toml" }]'
     (tmp_path / "c.toml").write_text(FILE.replace("count = 2", "count = 1").replace(two_sets, ""))

@@ -15,6 +15,7 @@ def test_bare_board_is_flashed_and_stop_ends_the_wheel_check(tmp_path: Path) -> 
     in_own_thread(follow, tmp_path)
 
 
+@pytest.mark.slow
 def test_last_steps_open_at_once(tmp_path: Path) -> None:
     in_own_thread(open_last_steps, tmp_path)
 

@@ -225,6 +225,7 @@ def test_a_new_map_knows_its_place_on_earth(tmp_path: Path) -> None:
     assert datum.yaw_rad == pytest.approx(start.theta_rad, abs=0.1)
 
 
+@pytest.mark.slow
 def test_on_open_ground_the_map_and_goals_find_their_place_on_earth() -> None:
     """The lidar reaches nothing from the start: neither goals behind it nor the datum need a wall there."""
     config = with_ports(

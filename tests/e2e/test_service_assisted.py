@@ -41,7 +41,9 @@ def hold(service: Service, source: TeleopSource, twist: Twist2, cycles: int, *ot
 
 
 @pytest.mark.parametrize("source", list(TeleopSource))
-@pytest.mark.parametrize("twist", [AHEAD, Twist2(v_m_s=0.35, w_rad_s=0.4)])
+@pytest.mark.parametrize(
+    "twist", [AHEAD, pytest.param(Twist2(v_m_s=0.35, w_rad_s=0.4), marks=pytest.mark.slow)]
+)
 def test_a_held_command_does_not_touch_the_wall(
     service: Service, source: TeleopSource, twist: Twist2
 ) -> None:

@@ -46,7 +46,9 @@ def starved(process: subprocess.Popen[bytes], share: float, period_s: float) -> 
         thread.join()
 
 
-@pytest.mark.parametrize(("share", "period_s"), [(0.25, 0.1), (0.05, 0.2)])
+@pytest.mark.parametrize(
+    ("share", "period_s"), [(0.25, 0.1), pytest.param(0.05, 0.2, marks=pytest.mark.slow)]
+)
 def test_starved_robot_drives_on_recent_data_or_not_at_all(
     chain: Chain, share: float, period_s: float
 ) -> None:
@@ -86,7 +88,7 @@ def test_suspended_computer_does_not_drive_on(chain: Chain) -> None:
     chain.drive_again()
 
 
-@pytest.mark.parametrize("jump_s", [-86_400.0, 86_400.0])
+@pytest.mark.parametrize("jump_s", [pytest.param(-86_400.0, marks=pytest.mark.slow), 86_400.0])
 def test_clock_of_the_computer_may_jump(
     service: Service, monkeypatch: pytest.MonkeyPatch, jump_s: float
 ) -> None:

@@ -49,6 +49,7 @@ def test_an_unusable_log_gives_one_line_on_stderr(tmp_path: Path) -> None:
     assert "record" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_report_uses_the_given_rate_and_battery(tmp_path: Path) -> None:
     time_s, pwm = 0.1 * np.arange(400.0), steps_and_prbs(400, seed=1)
     counts = counted(Wheel().drive(time_s, pwm, seed=1))

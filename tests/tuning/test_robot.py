@@ -83,6 +83,7 @@ def test_one_command_tunes_the_robot(tmp_path: Path, positions_m: list[float]) -
     assert not re.search(r'(src|href)="http', page)
 
 
+@pytest.mark.slow
 def test_better_gains_are_saved(tmp_path: Path) -> None:
     lidar = serial.serial_for_url("sim://tune_better/lidar?world=hall")  # keeps the simulated robot alive
     board = Board.open("sim://tune_better/board", baud=500_000)

@@ -22,6 +22,7 @@ def test_robot_recovers_from_all_faults() -> None:
     assert report.contacts == 0
 
 
+@pytest.mark.slow
 def test_unexpected_stop_is_reported_as_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     """A dead motor is treated as a tolerated fault; drives without a fault still reach their goals."""
     monkeypatch.setattr(soak_drive, "FAULTS", (("motor.left", "dead", "ok"),))

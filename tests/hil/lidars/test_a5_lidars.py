@@ -94,7 +94,9 @@ def test_scan_is_clockwise_complete_and_correct(name: str, express: bool) -> Non
 
 
 @pytest.mark.parametrize(("name", "express"), MODES)
-@pytest.mark.parametrize("drift", [0.0, 0.005, -0.005])
+@pytest.mark.parametrize(
+    "drift", [0.005, *(pytest.param(drift, marks=pytest.mark.slow) for drift in (0.0, -0.005))]
+)
 def test_time_stamps_are_right_while_turning(name: str, express: bool, drift: float) -> None:
     """At 2 rad/s a time stamp error of 20 ms would shift the room by 2.3 degrees."""
     port, driver = connect(device(name, turning, drift=drift), name, express=express)

@@ -64,7 +64,7 @@ def headings(name: str, model: ImuModel, seed: int) -> tuple[float, float]:
             imu.close()
 
 
-@pytest.mark.parametrize("model", ["bno08x", "mpu6050"])
+@pytest.mark.parametrize("model", [pytest.param("bno08x", marks=pytest.mark.slow), "mpu6050"])
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_the_heading_holds_for_two_minutes_with_an_uncalibrated_track(model: ImuModel, seed: int) -> None:
     fused_rad, wheels_rad = headings(f"gyro-{model}-{seed}", model, seed)

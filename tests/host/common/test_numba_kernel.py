@@ -70,6 +70,7 @@ def test_a_renamed_argument_class_does_not_break_an_upgrade(program: Path) -> No
     assert run(program) == "42 1"
 
 
+@pytest.mark.slow
 def test_a_truncated_file_is_written_again(program: Path) -> None:
     run(program)
     for suffix in ("nbi", "nbc"):

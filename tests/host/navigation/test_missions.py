@@ -53,7 +53,7 @@ def test_rotates_first_and_ends_at_the_goal_heading() -> None:
     assert abs(goal.heading_error_rad(run.track[-1])) < goal.heading_tolerance_rad + 0.02
 
 
-@pytest.mark.parametrize("wall_m", [0.16, 0.20])
+@pytest.mark.parametrize("wall_m", [0.16, pytest.param(0.20, marks=pytest.mark.slow)])
 def test_goal_along_a_wall_is_entered_in_its_heading(wall_m: float) -> None:
     """The robot cannot turn 0.20 m from a wall; 0.16 m from it, it stops at the nearest pose that fits."""
     goal = Goal(x_m=2.0, y_m=wall_m - 1.9, theta_rad=math.pi)
@@ -133,7 +133,7 @@ def test_drives_round_a_box_that_appears() -> None:
     assert_arrived(run)
 
 
-@pytest.mark.parametrize("width_m", [0.42, 0.8])
+@pytest.mark.parametrize("width_m", [0.42, pytest.param(0.8, marks=pytest.mark.slow)])
 def test_leaves_a_dead_end(width_m: float) -> None:
     """A robot with a short range drives into a dead end; the narrow one leaves no room to turn."""
     side = 0.5 * width_m + 0.05

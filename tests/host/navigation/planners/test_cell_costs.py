@@ -63,7 +63,8 @@ def test_the_edge_of_the_map_is_closed_to_the_searches(seed: int) -> None:
     [
         NavfnPlanner(OPTIONS),
         AStarPlanner(OPTIONS),
-        LatticePlanner(LatticeOptions(), OPTIONS, Footprint()),
+        # The kernels of the lattice are compiled again for the copy: 8 s.
+        pytest.param(LatticePlanner(LatticeOptions(), OPTIONS, Footprint()), marks=pytest.mark.slow),
     ],
 )
 def test_a_part_of_a_costmap_is_planned_in_like_a_copy(planner: Planner) -> None:

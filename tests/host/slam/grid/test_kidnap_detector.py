@@ -61,7 +61,9 @@ ELSEWHERE = [
 ]
 
 
-@pytest.mark.parametrize("elsewhere", ELSEWHERE)
+@pytest.mark.parametrize(
+    "elsewhere", [ELSEWHERE[0], *(pytest.param(place, marks=pytest.mark.slow) for place in ELSEWHERE[1:])]
+)
 def test_carried_robot_enters_nothing_and_is_found_in_its_own_map(elsewhere: Pose2) -> None:
     start = Pose2(x_m=0.6, y_m=-1.0)
     robot = SlamModeSwitch(GridMapper(map_from_base=start))

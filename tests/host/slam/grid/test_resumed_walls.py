@@ -1,6 +1,7 @@
 """Walls of a map that is saved and resumed again and again."""
 
 import numpy as np
+import pytest
 from benchmarks.shared.distances import distance_from_scratch
 
 from thumper.common.geometry import Pose2
@@ -27,6 +28,7 @@ def thickness_cells(grid: HitGrid) -> float:
     return float(grid.occupied()[:, column - 10 : column + 10].sum(axis=0).mean())
 
 
+@pytest.mark.slow
 def test_walls_do_not_thicken_from_session_to_session() -> None:
     rng, grid = np.random.default_rng(5), HitGrid(0.05, 0.5, 0.25)
     thickness = []
