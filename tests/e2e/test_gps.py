@@ -159,6 +159,7 @@ def test_a_running_robot_without_a_receiver_drives_to_a_place_on_earth(tmp_path:
         assert "km from the map's origin" in service.ask("mission/send", at_m)["error"]
 
 
+@pytest.mark.slow
 def test_goto_sends_a_running_robot_to_a_place_on_earth(
     thumper: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
 ) -> None:

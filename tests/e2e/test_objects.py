@@ -158,6 +158,7 @@ def test_another_map_has_none_of_the_objects(tmp_path: Path) -> None:
         assert published[-1] == []
 
 
+@pytest.mark.slow
 def test_a_run_with_a_detector_repeats(tmp_path: Path) -> None:
     runs = []
     for run in range(2):

@@ -18,6 +18,7 @@ from thumper.board.messages import Command, State
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
+@pytest.mark.slow
 def test_run_reaches_a_goal_over_serial_ports(thumper: Run, ports: tuple[Path, Path], tmp_path: Path) -> None:
     out = tmp_path / "out"
     done = thumper("run", "--board", ports[0], "--lidar", ports[1], "--goal", "0.8", "0", "--out", out)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from tests.e2e.test_bad_input import refused
 from thumper.common.geometry import Pose2
@@ -21,6 +22,7 @@ def board(x_m: float, y_m: float, yaw_deg: float) -> tuple[str, str]:
     return "--board", f"sim://robot/board?world=lab&x_m={x_m}&y_m={y_m}&yaw_deg={yaw_deg}"
 
 
+@pytest.mark.slow
 def test_a_run_continues_the_session_of_another(thumper: Run, tmp_path: Path) -> None:
     first, second = (tmp_path / name for name in ("first", "second"))
     begun = (*board(0.0, 0.0, 0.0), *LIDAR, "--start", "0", "0", "0")

@@ -143,6 +143,7 @@ def start(config: Path) -> "subprocess.Popen[str]":
     return process
 
 
+@pytest.mark.slow
 def test_programs_go_on_when_the_robot_restarts(tmp_path: Path) -> None:
     config, folder = tmp_path / "robot.toml", tmp_path / "recordings"
     config.write_text(

@@ -74,6 +74,7 @@ def test_opening_the_port_resets_the_board(board_pty: Path) -> None:
         board.close()
 
 
+@pytest.mark.slow
 def test_latched_fault_is_cleared_only_on_request(tmp_path: Path) -> None:
     """A board without reset on open keeps its fault, because the user may not know of it yet."""
     with served(tmp_path) as path:

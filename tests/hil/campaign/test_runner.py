@@ -60,6 +60,7 @@ def test_documented_example_runs(tmp_path: Path) -> None:
     assert result.reached, result.reason
 
 
+@pytest.mark.slow
 def test_tour_with_a_fault_reaches_its_goal(tmp_path: Path) -> None:
     """The robot drives from x = 1 via 1.3 to 0.6 while the wheels of one side slip."""
     (tmp_path / "slip.toml").write_text("faults = [{ at_s = 0.5, slip.left = 0.7 }]")

@@ -80,6 +80,7 @@ def test_a_truncated_file_is_written_again(program: Path) -> None:
         assert run(program) == "42 1", suffix
 
 
+@pytest.mark.slow
 def test_a_kernel_is_compiled_around_one_from_disk(program: Path) -> None:
     program.write_text(CALLER)
     assert run(program, "2") == "84 0 0"

@@ -102,6 +102,7 @@ def test_kernels_are_compiled_once_per_version_of_the_sources(installation: Inst
         assert installation.starts == starts
 
 
+@pytest.mark.slow
 def test_compiling_continues_in_a_new_process(installation: Installation) -> None:
     installation.let_compiler(f"exit {INCOMPLETE}", f"exit {INCOMPLETE}", "exit 0")
     installation.compile()
