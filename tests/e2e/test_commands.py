@@ -1,6 +1,7 @@
 """`thumper goto`, `stop`, `save`, `status`, `watch` against a running robot in another process."""
 
 import json
+import math
 import signal
 import subprocess
 import time
@@ -54,6 +55,8 @@ def test_goto_waits_for_arrival(thumper: Run, bus: str) -> None:
     assert "reached: at the goal (1.20, 0.05)" in done.stdout
     status = json.loads(thumper("status", "--json", "--bus", bus).stdout)
     assert (status["robot"], status["simulated"], status["has_goal"]) == ("thumper", True, False)
+    assert math.dist((status["pose"]["x_m"], status["pose"]["y_m"]), (1.2, 0.05)) < 0.1
+    assert status["battery_V"] > 6.0
     assert "\nmode     mapping\n" in (text := thumper("status", "--bus", bus).stdout)
     assert "earth" not in text
 

@@ -1,10 +1,13 @@
 """`thumper status`, `thumper watch`: show the state and the messages of a running robot."""
 
 import json
+import math
 import threading
+import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -20,7 +23,9 @@ if TYPE_CHECKING:
     from thumper.bus.client import BusClient
 
 STATUS_TIMEOUT_S = 3.0
+LIVE_TIMEOUT_S = 1.0  # for pose and battery, which come at 10 Hz from a robot with a board
 POLL_PERIOD_S = 0.5
+GOAL_FIELDS = ("goal_x_m", "goal_y_m", "goal_yaw_rad", "distance_to_goal_m")
 MAX_QUEUED = 100
 DECIMALS = 9  # of a number in JSON; a latitude needs 8
 
@@ -28,7 +33,9 @@ DECIMALS = 9  # of a number in JSON; a latitude needs 8
 def status(
     as_json: AsJson = False, config: ConfigFile = None, bus: BusAddress = "", robot: RobotName = ""
 ) -> None:
-    """Show what a running robot does: mode, goal, board, lidar, control loop, recording.
+    """Show what a running robot does: mode, goal, pose, battery, board, lidar, control loop, recording.
+
+    Without a goal, the goal's fields in the JSON are null; so are pose and battery if they do not arrive.
 
     Examples:
 
@@ -37,36 +44,68 @@ def status(
     """
     from thumper.common.errors import EXIT_NOT_THERE, ThumperError
     from thumper.ros import services
-    from thumper.ros.to_json import to_json
 
-    received = threading.Event()
-    messages: list[Any] = []
+    topics = ("status", "pose", "battery")
+    newest: dict[str, Any] = {}
+    received = {topic: threading.Event() for topic in topics}
 
-    def on_status(message: Any) -> None:
-        messages.append(message)
-        received.set()
+    def keep(topic: str, message: Any) -> None:
+        newest[topic] = message
+        received[topic].set()
 
     with connect(config, bus, robot) as client:
-        client.subscribe("status", on_status)
-        if not received.wait(STATUS_TIMEOUT_S):
+        for topic in topics:
+            client.subscribe(topic, partial(keep, topic))
+        if not received["status"].wait(STATUS_TIMEOUT_S):
             raise ThumperError(
                 "the robot is on the bus but sends no status; check that its board is connected and that "
                 "--robot is its name",
                 exit_code=EXIT_NOT_THERE,
             )
+        until_s = time.monotonic() + LIVE_TIMEOUT_S
         mapping: dict[str, Any] = {}
         wheels: dict[str, Any] = {}
         with suppress(ThumperError):  # a robot that waits for its board answers no queries
             mapping = asdict(services.MAPPING_STATE.call(client))
             wheels = asdict(services.WHEELS_STATE.call(client))
-    message = messages[-1]
+        for topic in topics:
+            received[topic].wait(max(0.0, until_s - time.monotonic()))
+    live = _live(newest)
     if as_json:
-        print(json.dumps({**to_json(message), "mapping": mapping, "wheel_estimate": wheels}))
+        print(
+            json.dumps(
+                {**_status_json(newest["status"]), **live, "mapping": mapping, "wheel_estimate": wheels}
+            )
+        )
     else:
-        print(_status_text(message, mapping, wheels))
+        print(_status_text(newest["status"], live, mapping, wheels))
 
 
-def _status_text(message: Any, mapping: Mapping[str, str], wheels: Mapping[str, Any]) -> str:
+def _live(newest: Mapping[str, Any]) -> dict[str, Any]:
+    """Return pose and battery voltage of the newest messages; None for one that is missing or unknown."""
+    from thumper.ros.from_ros import pose_of
+
+    pose = pose_of(newest["pose"].pose.pose) if "pose" in newest else None
+    battery = newest.get("battery")
+    return {
+        "pose": pose and {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.theta_rad},
+        "battery_V": round(battery.voltage, 3) if battery is not None and battery.present else None,
+    }
+
+
+def _status_json(status: Any) -> dict[str, Any]:
+    """Return the status as JSON; the goal's fields are None without a goal."""
+    from thumper.ros.to_json import to_json
+
+    content: dict[str, Any] = to_json(status)
+    if not status.has_goal:
+        content |= dict.fromkeys(GOAL_FIELDS)
+    return content
+
+
+def _status_text(
+    message: Any, live: Mapping[str, Any], mapping: Mapping[str, str], wheels: Mapping[str, Any]
+) -> str:
     from thumper.common.texts import place_text
 
     m = message
@@ -76,6 +115,11 @@ def _status_text(message: Any, mapping: Mapping[str, str], wheels: Mapping[str, 
     ]
     if m.has_goal:
         lines.append(f"goal     {place_text(m.goal_x_m, m.goal_y_m)}, {m.distance_to_goal_m:.2f} m to go")
+    if pose := live["pose"]:
+        heading_deg = math.degrees(pose["heading_rad"])
+        lines.append(f"pose     {place_text(pose['x_m'], pose['y_m'])} m, heading {heading_deg:z.0f} degrees")
+    if live["battery_V"] is not None:
+        lines.append(f"battery  {live['battery_V']:.2f} V")
     if mapping:
         lines.append(f"mode     {mode_text(mapping)}")
         lines += [f"earth    {text}"] if (text := earth_text(mapping)) else []
