@@ -33,7 +33,7 @@ def test_missing_packages_are_named_with_the_install_command(
     module: str, extra: str, command: str, tmp_path: Path
 ) -> None:
     (tmp_path / "c.toml").write_text(
-        'name = "c"\n[[missions]]\nname = "m"\nworld = "lab"\nstart = [0, 0, 0]\ngoal = [1, 0]\n'
+        '[[missions]]\nname = "m"\nworld = "lab"\nstart = [0, 0, 0]\ngoal = [1, 0]\n'
     )
     arguments = [sys.executable, "-c", RUN_WITHOUT, module, *command.split()]
     done = subprocess.run(arguments, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)

@@ -28,8 +28,9 @@ def campaign(
     from thumper.common.optional_packages import require_extra
     from thumper_hil.campaign.spec import campaign_digest, expand_jobs, load_campaign
 
-    require_extra("campaign")
     plan = load_campaign(file)  # a wrong file is refused before the slow imports
+    jobs = expand_jobs(plan, file.parent)
+    require_extra("campaign")
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -44,7 +45,6 @@ def campaign(
     from thumper_hil.campaign.summary import markdown, summarise
 
     console = Console()
-    jobs = expand_jobs(plan, file.parent)
     prepare_output(out)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with RowStore(out, campaign_digest(jobs)) as store, Progress(*columns, console=console) as progress:

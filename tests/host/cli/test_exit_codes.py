@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.host.cli.conftest import Ended
+from thumper.common import optional_packages
 from thumper.common.errors import EXIT_USAGE
 
 Run = Callable[..., Ended]
@@ -38,3 +39,16 @@ def test_a_wrong_file(thumper: Run, tmp_path: Path, command: str, content: bytes
     assert ended.status == EXIT_USAGE, ended.err
     (line,) = ended.err.splitlines()
     assert path.name in line
+
+
+@pytest.mark.parametrize("content", [b"[broken\n", None])
+def test_a_wrong_campaign_is_refused_before_missing_packages(
+    thumper: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes | None
+) -> None:
+    monkeypatch.setitem(optional_packages.EXTRAS, "campaign", ("a campaign", ("no_such_module",)))
+    path = tmp_path / "wrong.toml"
+    if content is not None:
+        path.write_bytes(content)
+    ended = thumper("campaign", str(path))
+    assert ended.status == EXIT_USAGE, ended.err
+    assert "wrong.toml" in ended.err
