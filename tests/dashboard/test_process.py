@@ -13,15 +13,22 @@ from pathlib import Path
 import pytest
 from benchmarks.shared.live import free_port, until
 
+from thumper.common.errors import EXIT_NOT_THERE
 from thumper.dashboard.process import open_pages
 
 
-@pytest.mark.parametrize(("taken", "exit_code"), [("page", 1), ("bus", 3)])
-def test_port_in_use_is_reported_before_the_robot_is_opened(
-    taken: str, exit_code: int, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize(
+    ("taken", "hint"),
+    [
+        ("page", "another port with --ui-port"),
+        ("option", "another port with --ui-port"),
+        ("bus", "Choose another address"),
+    ],
+)
+def test_port_in_use_is_reported_before_the_robot_is_opened(taken: str, hint: str, tmp_path: Path) -> None:
     board, lidar = (os.ttyname(os.openpty()[1]) for _ in range(2))  # ports that are there, and silent
-    ports = {"page": free_port(), "bus": free_port()}
+    ports = {"page": free_port(), "option": free_port(), "bus": free_port()}
+    option = ["--ui-port", str(ports["option"])] if taken == "option" else []
     config = tmp_path / "robot.toml"
     config.write_text(
         f'[board]\nport = "{board}"\n[lidar]\nport = "{lidar}"\n[bus]\naddress = "127.0.0.1:{ports["bus"]}"\n'
@@ -30,16 +37,16 @@ def test_port_in_use_is_reported_before_the_robot_is_opened(
     )
     with socket.create_server(("127.0.0.1", ports[taken])):
         done = subprocess.run(
-            [sys.executable, "-m", "thumper", "run", "--ui", "--config", config, "--out", tmp_path],
+            [sys.executable, "-m", "thumper", "run", "--ui", "--config", config, "--out", tmp_path, *option],
             capture_output=True,
             text=True,
             check=False,
         )
-    assert done.returncode == exit_code
+    assert done.returncode == EXIT_NOT_THERE
     assert done.stderr.startswith("thumper: ")
     assert done.stderr.count("\n") == 1
     assert f"127.0.0.1:{ports[taken]}" in done.stderr
-    assert {"page": "--port of `thumper dashboard`", "bus": "Choose another address"}[taken] in done.stderr
+    assert hint in done.stderr
 
 
 PARENT = """

@@ -18,6 +18,7 @@ from thumper.cli.options.common import (
     Session,
     StartPose,
     Ui,
+    UiPort,
 )
 from thumper.cli.output.interrupted import report_interrupt
 
@@ -38,6 +39,7 @@ def explore(
     start: StartPose = None,
     bus: BusAddress = "",
     ui: Ui = False,
+    ui_port: UiPort = 0,
     record: Record = False,
     record_to: RecordTo = None,
 ) -> None:
@@ -77,6 +79,7 @@ def explore(
         record=record,
         record_to=record_to,
         ui=ui,
+        ui_port=ui_port,
     )
     settings = options.load_settings()
     console = Console()

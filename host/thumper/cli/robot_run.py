@@ -18,6 +18,7 @@ from thumper.cli.output.stderr_report import report_unused_ports
 from thumper.cli.resume import AUTOSAVE, autosaved, load_interrupted, set_aside_interrupted
 from thumper.cli.start_map import load_start_map
 from thumper.common.compile_progress import compile_progress
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, load_config, with_ports
 from thumper.dashboard.process import dashboard_process
@@ -48,6 +49,7 @@ class RunOptions:
     record_to: Path | None
     saved_map: Path | None = None
     ui: bool = False
+    ui_port: int = 0  # of the dashboard; 0: as configured
     fresh: bool = False
 
     @property
@@ -71,8 +73,10 @@ class RunOptions:
         Raises
         ------
         ThumperError
-            The start pose, the configuration, the bus address or the folder is unusable.
+            --ui-port, the start pose, the configuration, the bus address or the folder is unusable.
         """
+        if self.ui_port and not self.ui:
+            raise ThumperError("--ui-port belongs to --ui", exit_code=EXIT_USAGE)
         if self.start is not None:
             check_place("--start", *self.start[:2])
         configured = load_config(self.config)
@@ -121,7 +125,9 @@ def _opened(
         settings, start, known, map_path=map_path, annotations=annotations, datum=datum, opened=path
     )
     with ExitStack() as stack:
-        page = stack.enter_context(dashboard_process(options.config, settings.bus.address, wanted=options.ui))
+        page = stack.enter_context(
+            dashboard_process(options.config, settings.bus.address, wanted=options.ui, port=options.ui_port)
+        )
         with compile_progress(Console()):
             robot = stack.enter_context(opened)
         stack.enter_context(

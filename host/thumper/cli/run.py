@@ -23,6 +23,7 @@ from thumper.cli.options.common import (
     Session,
     StartPose,
     Ui,
+    UiPort,
 )
 from thumper.cli.output.interrupted import report_interrupt
 
@@ -81,6 +82,7 @@ def run(
     ] = 1.0,
     bus: BusAddress = "",
     ui: Ui = False,
+    ui_port: UiPort = 0,
     record: Record = False,
     record_to: RecordTo = None,
 ) -> None:
@@ -139,6 +141,7 @@ def run(
         record=record,
         record_to=record_to,
         ui=ui,
+        ui_port=ui_port,
     )
     if waypoints is None:
         _serve(options, speed, Console())

@@ -14,14 +14,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thumper.common.errors import ThumperError
+from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper.common.parent import parent_environment
 from thumper.config.dashboard import ServerOptions, check_options
 from thumper.dashboard.starting_page import starting_page
 
 
-def bind_port(options: ServerOptions) -> socket.socket:
-    """Bind the port; closing the socket releases it.
+def bind_port(options: ServerOptions, option: str = "--port") -> socket.socket:
+    """Bind the port; closing the socket releases it. `option` is the command's option for another port.
 
     Raises
     ------
@@ -38,12 +38,13 @@ def bind_port(options: ServerOptions) -> socket.socket:
         listener.close()
         in_use = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
         reason = (
-            "the port is in use; stop the program that uses it, or choose another port: [dashboard] port in "
-            "the configuration, or --port of `thumper dashboard`, which serves that of a running robot"
+            f"the port is in use; stop the program that uses it, or choose another port with {option}"
             if in_use
             else str(error.strerror)
         )
-        raise ThumperError(f"cannot listen on {options.host}:{options.port}: {reason}") from error
+        raise ThumperError(
+            f"cannot listen on {options.host}:{options.port}: {reason}", exit_code=EXIT_NOT_THERE
+        ) from error
     return listener
 
 
@@ -203,7 +204,7 @@ def dashboard_process(
         raise ModuleNotFoundError(name="nicegui")
     options = load_config(config).dashboard
     listening = check_options(replace(options, port=port or options.port))
-    bind_port(listening).close()
+    bind_port(listening, "--ui-port").close()
     check_address_free(robot_address)  # else the page would show another robot
     command = [sys.executable, "-m", "thumper", "dashboard", "--bus", robot_address]
     if config is not None:

@@ -53,6 +53,7 @@ def test_unknown_option_of_each_command(refusal: Refusal, words: tuple[str, ...]
         ("goto -1 north", "goto: invalid value for 'Y': 'north' is not a number; see `thumper goto --help`"),
         ("goto north 1", "'north' is not a number; a goal is X Y or the name of a place"),
         ("run --goal 1 0 --goal=2 0", "run: --goal is given twice, but takes one value; see `thumper run"),
+        ("run --ui-port 8081", "--ui-port belongs to --ui"),
         ("run --goal 1", "run: --goal is X Y: the Y is missing; see `thumper run --help`"),
         ("run --goal --board sim://", "run: --goal is X Y: the X is missing; see"),
         ("run --goal=1 --board sim://", "run: --goal is X Y: the Y is missing; see"),

@@ -85,4 +85,8 @@ Recordings = Annotated[
     list[Path], typer.Argument(help="Recordings (.mcap) of one run in order, or their folder.")
 ]
 Ui = Annotated[bool, typer.Option("--ui", help="Also serve the dashboard; see `thumper dashboard`.")]
+UiPort = Annotated[
+    int,
+    typer.Option("--ui-port", help="Port of the dashboard of --ui; 0: as configured.", min=0, max=65535),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
