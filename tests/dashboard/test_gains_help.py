@@ -6,10 +6,13 @@ import re
 import numpy as np
 import pytest
 from benchmarks.shared.fake_robot import FakeRobot
+from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
+from thumper.board.messages import PARAMETERS
 from thumper.dashboard.board_parameters import DOCS
 from thumper.dashboard.gains_help import EFFECTS, NO_MODEL, gains_help
+from thumper.dashboard.gains_panel import CHOICES, GROUPS
 from thumper.dashboard.loop_response import PERIOD_S, loop_response
 from thumper_tuning.design.loops import SpeedLoop
 from thumper_tuning.design.plant import Plant
@@ -68,6 +71,24 @@ def test_each_parameter_is_explained_beside_its_slider(page: Page) -> None:
     expect(page.locator(".tp-gaintext")).to_have_count(len(DOCS))
     expect(page.locator(".tp-gaintext").first).to_have_text(EFFECTS["kp"])
     assert all(page.locator(".tp-gaintext").all_inner_texts())
+
+
+def test_what_has_few_values_is_chosen_from_a_list(page: Page, robot: FakeRobot) -> None:
+    page.click(".tp-tab-gains")
+    choice = page.locator(".tp-number:has([data-gain=input_1])")
+    expect(choice).to_be_hidden()
+    page.get_by_role("button", name="Inputs and sensors").click()
+    choice.click()
+    page.get_by_role("option", name="1: stops while low").click()
+    page.locator(".q-tab-panel button", has_text="Apply").click()
+    until(lambda: robot.parameters["input_1"] == 1.0)
+
+
+def test_each_parameter_has_one_group() -> None:
+    grouped = [name for names in GROUPS.values() for name in names]
+    assert len(grouped) == len(set(grouped))
+    assert set(grouped) | {"kp", "ki", "ks", "kv", "ka", "acceleration", "deceleration"} == set(DOCS)
+    assert {spec.name for spec in PARAMETERS if spec.scale == 1.0 and spec.maximum <= 2.0} == set(CHOICES)
 
 
 def test_a_slider_changes_drawing_and_text(page: Page, robot: FakeRobot) -> None:

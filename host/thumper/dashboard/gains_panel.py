@@ -15,6 +15,38 @@ from thumper.dashboard.widgets import box, button
 
 DECIMALS = 3
 RETRY_S = 2.0  # the robot may start after the page
+GROUPS = {  # of what describes the robot; all others are gains
+    "Wheels and motors": (
+        "counts_per_rev",
+        "wheel_radius",
+        "track",
+        "left_motor_reversed",
+        "right_motor_reversed",
+        "left_encoder_reversed",
+        "right_encoder_reversed",
+        "pwm_frequency",
+    ),
+    "Battery and currents": (
+        "battery_cells",
+        "battery_stop",
+        "battery_rearm",
+        "current_limit",
+        "stall_current",
+        "current_scale",
+        "current_zero",
+        "currents_at_a4",
+    ),
+    "Inputs and sensors": ("input_1", "input_2", "gyroscope", "tilt_limit", "impact_limit"),
+}
+YES_NO = {0: "0: no", 1: "1: yes"}
+INPUT = {0: "0: unused", 1: "1: stops while low", 2: "2: stops while high"}
+CHOICES = {
+    **dict.fromkeys(GROUPS["Wheels and motors"][3:7], YES_NO),
+    "currents_at_a4": YES_NO,
+    "input_1": INPUT,
+    "input_2": INPUT,
+    "gyroscope": {0: "0: none", 1: "1: z axis up", 2: "2: z axis down"},
+}
 
 
 class GainsPanel:
@@ -26,7 +58,7 @@ class GainsPanel:
         self._schema: dict[str, Parameter] = {}
         self._on_board: dict[str, float] = {}
         self._edited: dict[str, Any] = {}
-        self._numbers: dict[str, ui.number] = {}
+        self._fields: dict[str, ui.number | ui.select] = {}
         self._drawing: ui.html | None = None
         self._explanation: ui.html | None = None
         self._busy = False
@@ -59,12 +91,19 @@ class GainsPanel:
 
     def _rows(self) -> None:
         self._list.clear()
-        self._numbers.clear()
+        self._fields.clear()
+        grouped = {name for names in GROUPS.values() for name in names}
         with self._list:
             for parameter in self._schema.values():
-                self._row(parameter)
+                if parameter.name not in grouped:
+                    self._row(parameter)
                 if parameter.name == "ki":
                     self._add_help()
+            for title, names in GROUPS.items():
+                with ui.expansion(title).classes("tp-gaingroup"):
+                    for name in names:
+                        if name in self._schema:
+                            self._row(self._schema[name])
         self._show_changes()
 
     def _add_help(self) -> None:
@@ -74,28 +113,34 @@ class GainsPanel:
 
     def _row(self, parameter: Parameter) -> None:
         name, value = parameter.name, round(self._on_board[parameter.name], DECIMALS)
+        choices = CHOICES.get(name, {})
         with box("tp-gain"):
             ui.html(escape(name), tag="label", sanitize=False)
-            limits = f"{parameter.minimum:g} … {parameter.maximum:g} {parameter.unit}"
+            limits = "" if choices else f"{parameter.minimum:g} … {parameter.maximum:g} {parameter.unit}"
             ui.html(escape(limits), tag="small", sanitize=False)
-            number = (
-                ui.number(
+            field: ui.number | ui.select
+            if choices:
+                field = ui.select(choices, value=value)
+            else:
+                field = number = ui.number(
                     value=value,
                     step=_step(parameter),
                     validation=lambda entered: parameter.range_error(entered) or None,
-                    on_change=lambda event: self._edit(name, event.value),
                 )
-                .props(f'dense outlined hide-bottom-space aria-label="{name}" data-gain={name}')
-                .classes("tp-number")
-            )
-            slider = ui.slider(
-                min=parameter.minimum, max=parameter.maximum, step=_step(parameter), value=value
-            ).props(f'aria-label="{name} slider" data-slider={name}')
+                self._add_slider(parameter, number)
+            field.on_value_change(lambda event: self._edit(name, event.value))
+            field.props(f'dense outlined hide-bottom-space aria-label="{name}" data-gain={name}')
+            field.classes("tp-number")
             text = EFFECTS.get(name, DOCS.get(name, ""))
             ui.html(escape(text), tag="p", sanitize=False).classes("tp-gaintext")
-            slider.on_value_change(partial(self._set_number, number))
-            number.on_value_change(partial(self._move_slider, slider, parameter))
-            self._numbers[name] = number
+            self._fields[name] = field
+
+    def _add_slider(self, parameter: Parameter, number: ui.number) -> None:
+        slider = ui.slider(
+            min=parameter.minimum, max=parameter.maximum, step=_step(parameter), value=number.value
+        ).props(f'aria-label="{parameter.name} slider" data-slider={parameter.name}')
+        slider.on_value_change(partial(self._set_number, number))
+        number.on_value_change(partial(self._move_slider, slider, parameter))
 
     @staticmethod
     def _set_number(number: ui.number, event: Any) -> None:
@@ -126,8 +171,8 @@ class GainsPanel:
             drawing, text = ("", " ".join(mistakes)) if mistakes else gains_help(self._edited, self._on_board)
             self._drawing.set_content(drawing)
             self._explanation.set_content(escape(text))
-        for name, number in self._numbers.items():
-            number.classes(add="tp-changed") if name in changes else number.classes(remove="tp-changed")
+        for name, field in self._fields.items():
+            field.classes(add="tp-changed") if name in changes else field.classes(remove="tp-changed")
         for element, is_usable in ((self._apply, changes and not mistakes), (self._undo, changes)):
             element.props(remove="disabled") if is_usable else element.props("disabled")
 
@@ -163,7 +208,7 @@ class GainsPanel:
         self._on_board = {**self._on_board, **values}
         for name, value in values.items():
             self._edited[name] = value
-            self._numbers[name].set_value(round(value, DECIMALS))
+            self._fields[name].set_value(round(value, DECIMALS))
         self._show_changes()
 
     async def _run(self, action: Callable[[], Any]) -> None:
@@ -187,4 +232,6 @@ class GainsPanel:
 
 def _step(parameter: Parameter) -> float:
     """Return a round step near the resolution on the wire."""
+    if parameter.step == 1.0:
+        return 1.0
     return 0.001 if parameter.step < 0.005 else 0.01
