@@ -97,11 +97,13 @@ def open_playback(page: Page, library: Path) -> str:
 def test_a_recording_plays_and_the_page_returns_to_the_robot(
     page: Page, robot: FakeRobot, library: Path
 ) -> None:
+    robot.recording = True
     open_playback(page, library)
     page.wait_for_function(f"{POSE}?.[0] > 0.1 && {POSE}[1] === 0")  # the fake robot never is at y = 0
     page.wait_for_function("document.querySelector('.tp-map').mapView.grids.map.info.columns === 30")
     assert page.evaluate("document.querySelector('.tp-map').mapView.data.scan.length") > 100
     expect(page.locator("[data-field=mode]")).to_have_text("navigating")
+    expect(page.locator(".tp-library")).to_contain_text("REC is running")  # of the robot, as REC shows
     page.click("[data-play]")
     expect(page.locator("[data-play]")).to_have_text("Play")
     page.keyboard.press("g")  # no goal on the map of a recording

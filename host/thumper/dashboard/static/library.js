@@ -34,9 +34,10 @@ export function library(root) {
   });
 
   let isRecording = Boolean(state.values.status?.recording);
-  on("status", ({ recording }) => {
-    if (Boolean(recording) === isRecording) return;
-    isRecording = Boolean(recording);
+  on("packet", () => { // of the robot: during a playback `status` is the recording's
+    const recording = Boolean(state.values.status?.recording);
+    if (recording === isRecording) return;
+    isRecording = recording;
     refresh();
   });
 
