@@ -149,6 +149,9 @@ def test_a_notice_goes_when_it_is_true_no_longer(page: Page) -> None:
     expect(notices).to_have_text(["fault cleared; the motors are off"])
     page.click(".tp-arm")
     expect(notices).to_have_text(["done: arm"])
+    page.click(".tp-estop")
+    expect(page.locator(".tp-fault")).to_be_visible()
+    expect(notices).to_have_count(0, timeout=3_000)  # by itself it would stay for 6 s
 
 
 def test_charts_freeze_and_export_csv(page: Page) -> None:

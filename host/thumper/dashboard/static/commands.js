@@ -97,9 +97,13 @@ export function startCommands() {
     document.body.classList.toggle("tp-watching", Boolean(operator) && operator !== state.pageId);
   });
   let isSnapshot = false; // its events are old
+  let hadFault = false;
   on("snapshot", () => { isSnapshot = true; });
   on("packet", () => {
     isSnapshot = false;
+    const hasFault = Boolean(state.values.status?.fault);
+    if (hasFault && !hadFault) document.querySelectorAll(".tp-notice.good").forEach((notice) => notice.remove());
+    hadFault = hasFault;
     if (["closed_loop", "manual"].includes(document.body.dataset.board)) removeNotices("fault cleared");
   });
   on("events", (events) => {
