@@ -40,6 +40,12 @@ def test_parameters_of_which_the_board_refuses_one_all_stay(service: Service) ->
     service.put(RobotCommand(name="disarm"))
     values = service.ask("parameters/set", wanted)["values"]
     assert {name: round(value) for name, value in values.items()} == wanted
+    assert service.events[-1] == f"parameters set: {board_parameters.described(values)}"
+
+
+def test_the_log_shows_parameters_as_precisely_as_the_wire_does() -> None:
+    values = {"kp": 7.999420166015625, "acceleration": 8.05, "track": 245.0}
+    assert board_parameters.described(values) == "kp 8.0, acceleration 8.05, track 245"
 
 
 def test_nothing_arms_the_board_between_two_parameters_of_the_robot(service: Service) -> None:

@@ -1,5 +1,6 @@
 """Answers queries about the board's parameters: names, ranges, values; sets, saves and reverts them."""
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -42,6 +43,12 @@ def values(board: Board, names: Iterable[str] = PARAMETER_NAMES) -> ParameterJob
         known[name] = board.get_parameter(name)
         yield
     return ParameterValues(values=known)
+
+
+def described(values: Mapping[str, float]) -> str:
+    """Return names and values as text, with the decimals that the wire format resolves."""
+    decimals = {spec.name: math.floor(math.log10(spec.scale)) for spec in PARAMETERS}
+    return ", ".join(f"{name} {round(value, decimals[name] or None)}" for name, value in values.items())
 
 
 def change(board: Board, content: Mapping[str, Any]) -> ParameterJob:

@@ -272,7 +272,7 @@ class RequestHandler:
     def _change(self, content: Mapping[str, Any]) -> BoardJob[ParameterValues]:
         reply = yield from board_parameters.change(self._drive_manager.board, content)
         wheels.take_parameters(self._inputs.estimator, reply.values)
-        self._publisher.publish_event(f"parameters set: {reply.values}")
+        self._publisher.publish_event(f"parameters set: {board_parameters.described(reply.values)}")
         return reply
 
     def _save_parameters(self, _request: Empty, _source: str) -> BoardJob[Empty]:
