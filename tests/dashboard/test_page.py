@@ -253,9 +253,11 @@ def test_the_costmap_fades_at_its_edge(page: Page) -> None:
 def test_the_costmap_leaves_walls_as_they_are(page: Page, scheme: Literal["light", "dark"]) -> None:
     page.emulate_media(color_scheme=scheme)
     page.wait_for_function("document.querySelector('.tp-map').mapView.grids.map")
-    wall, free = page.evaluate("""async () => {
+    wall, free, texts = page.evaluate("""async () => {
       const view = document.querySelector('.tp-map').mapView;
       const { info } = view.grids.map;
+      const texts = [];
+      view.context.fillText = (text) => texts.push(text);
       await view.grids.map.drawn;
       const canvas = document.createElement('canvas');
       Object.assign(canvas, { width: info.columns, height: info.rows });
@@ -275,7 +277,9 @@ def test_the_costmap_leaves_walls_as_they_are(page: Page, scheme: Literal["light
         });
       };
       const [without, painted] = [colours(), colours('local_costmap')];
-      return [0, 1].map((k) => [without[k], painted[k]]);
+      return [...[0, 1].map((k) => [without[k], painted[k]]), texts];
     }""")
     assert wall[0] == wall[1]
     assert free[0] != free[1]
+    assert texts
+    assert all(text.endswith(" m") for text in texts)  # the scale; Layers names the costmap, not the map

@@ -27,19 +27,6 @@ export function drawGrid(context, camera, { canvas, info }) {
   context.restore();
 }
 
-// A label: the grid ends there, the room does not. Its colours fade at the edge.
-export function drawGridLabel(context, camera, { info }, text) {
-  const [x, y] = info.origin;
-  const [left, top] = camera.toScreen(x, y + info.rows * info.resolution_m);
-  context.fillStyle = colour("muted");
-  context.font = "11px Roboto, sans-serif";
-  const at = [Math.max(left, 0) + 4, Math.max(top, 0) + 12];
-  context.strokeStyle = colour("map-unknown"); // readable on every cost
-  context.lineWidth = 3;
-  context.strokeText(text, ...at);
-  context.fillText(text, ...at);
-}
-
 // Grid lines over the whole view, and a scale bar.
 export function drawRuler(context, camera) {
   const step = [0.1, 0.25, 0.5, 1, 2, 5, 10].find((metres) => metres * camera.scale >= 45) ?? 20;

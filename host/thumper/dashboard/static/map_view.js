@@ -151,7 +151,6 @@ class MapView {
       context.globalCompositeOperation = isDark() ? "lighten" : "darken"; // walls stay as dark, or as light
       layers.drawGrid(context, camera, this.grids.local_costmap);
       context.globalCompositeOperation = "source-over";
-      layers.drawGridLabel(context, camera, this.grids.local_costmap, "local costmap");
     }
     if (visible.annotations) drawAnnotations(context, camera);
     layers.drawRuler(context, camera);
