@@ -10,8 +10,8 @@ import pytest
 
 from tests.e2e.test_bad_input import refused
 from thumper.common.geometry import Pose2
-from thumper.maps.map_server_io import load_map
-from thumper.maps.occupancy_grid import OCCUPIED
+from thumper.maps.map_server_io import load_map, save_map
+from thumper.maps.occupancy_grid import OCCUPIED, OccupancyGrid
 from thumper.slam.saved_state import load_session
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
@@ -46,6 +46,18 @@ def test_a_run_continues_the_session_of_another(thumper: Run, tmp_path: Path) ->
     assert np.mean(near) > 0.95  # still the same map
     pose = json.loads((second / "summary.json").read_text())["pose"]
     assert load_session(second / "map.session", 0.05).map_from_base == Pose2(**pose)
+
+
+def test_a_new_run_keeps_the_map_of_an_earlier_one(thumper: Run, tmp_path: Path) -> None:
+    earlier = OccupancyGrid(
+        cells=np.full((2, 3), OCCUPIED, np.int8), resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0
+    )
+    save_map(earlier, tmp_path / "map.yaml")
+    done = thumper("run", *board(0.0, 0.0, 0.0), *LIDAR, "--goal", "0.3", "0", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"the map of an earlier run is kept as {tmp_path}/map_1.yaml" in done.stdout
+    assert load_map(tmp_path / "map_1.yaml").cells.shape == (2, 3)
+    assert load_map(tmp_path / "map.yaml").cells.size > earlier.cells.size
 
 
 def test_invalid_sessions_overwrite_nothing(thumper: Run, tmp_path: Path) -> None:

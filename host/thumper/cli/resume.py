@@ -1,7 +1,7 @@
 """Keep the session of a run on disk, and resume it after a crash."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig
 from thumper.maps.annotations import annotations_path, save_annotations
+from thumper.maps.library import set_aside
 from thumper.maps.map_server_io import save_map
 from thumper.maps.occupancy_grid import OCCUPIED
 from thumper.runtime.loop import RobotLoop
@@ -95,11 +96,29 @@ def set_aside_interrupted(out: Path) -> None:
         print(f"the last run did not end normally: --session {kept} resumes its map", flush=True)
 
 
+def keep_earlier_map(out: Path, opened: Path | None) -> Callable[[], None]:
+    """Return what to call before a run writes its map to `out`; it renames the map of an earlier run there.
+
+    The run has `opened` a map or session: it may replace the one that it continues. Later calls do nothing.
+    """
+    continued = {(out / name).resolve() for name in ("map.yaml", "map.session", AUTOSAVE)}
+    earlier = [out / "map.yaml"] if opened is None or opened.resolve() not in continued else []
+
+    def keep() -> None:
+        while earlier:
+            if name := set_aside(earlier[0]):
+                print(f"the map of an earlier run is kept as {out / name}.yaml", flush=True)
+            earlier.pop()
+
+    return keep
+
+
 def save_map_and_session(robot: RobotLoop, out: Path) -> list[str]:
     """Write the map of a robot that has served to `out`; return the file names, none without a map."""
     state = robot.inputs.estimator.state()
     if state is None or not robot.inputs.has_map:
         return []
+    robot.before_save()
     image = save_map(robot.mapper.grid(), out / "map.yaml", robot.inputs.estimator.map_datum())
     session = save_session(SavedSlamState.from_mapper(robot.mapper, state.map_from_base), out / "map.session")
     zones = save_annotations(robot.annotations, annotations_path(out / "map.yaml"))

@@ -15,7 +15,7 @@ from thumper.cli.options.record import recorded
 from thumper.cli.output.drive_progress import ProgressDisplay, print_warnings
 from thumper.cli.output.folder import prepare_output, reserved
 from thumper.cli.output.stderr_report import report_unused_ports
-from thumper.cli.resume import AUTOSAVE, autosaved, load_interrupted, set_aside_interrupted
+from thumper.cli.resume import AUTOSAVE, autosaved, keep_earlier_map, load_interrupted, set_aside_interrupted
 from thumper.cli.start_map import load_start_map
 from thumper.common.compile_progress import compile_progress
 from thumper.common.errors import EXIT_USAGE, ThumperError
@@ -122,7 +122,14 @@ def _opened(
     map_path = options.out / "map.yaml" if serving else None
     join_bus = on_bus if serving else on_bus_if_free
     opened = open_robot(
-        settings, start, known, map_path=map_path, annotations=annotations, datum=datum, opened=path
+        settings,
+        start,
+        known,
+        map_path=map_path,
+        annotations=annotations,
+        datum=datum,
+        opened=path,
+        before_save=keep_earlier_map(options.out, path),
     )
     with ExitStack() as stack:
         page = stack.enter_context(
@@ -153,6 +160,7 @@ def run_and_report(robot: RobotLoop, task: Task, out: Path, console: Console) ->
     result = robot.run(task, ProgressDisplay(console))
     from thumper.cli.output.run_report import write_run  # matplotlib: 27 MB that no drive needs
 
+    robot.before_save()
     datum = robot.inputs.estimator.map_datum()
     files = write_run(out, robot.mapper, robot.annotations, robot.log, result, datum)
     print_warnings(robot, console)

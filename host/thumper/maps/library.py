@@ -1,6 +1,7 @@
 """The robot's library: one folder with its saved maps and its recordings."""
 
 import re
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,23 @@ def rename_item(folder: Path, name: str, new_name: str) -> None:
             path.unlink(missing_ok=True)
     except (OSError, UnicodeDecodeError) as error:
         raise ThumperError(f"{name}: cannot be renamed ({error})") from error
+
+
+def set_aside(yaml_path: Path) -> str:
+    """Rename the map at `yaml_path`, if there is one, to the first free `map_1`, `map_2`; return that name.
+
+    Raises
+    ------
+    ThumperError
+        A file cannot be renamed.
+    """
+    folder, name = yaml_path.parent, yaml_path.stem
+    if not map_files(yaml_path):
+        return ""
+    new_names = (f"{name}_{number}" for number in count(1))
+    new_name = next(new for new in new_names if not map_files(folder / f"{new}.yaml"))
+    rename_item(folder, name, new_name)
+    return new_name
 
 
 def _write_description(path: Path, new: Path) -> None:

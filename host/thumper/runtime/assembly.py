@@ -81,13 +81,15 @@ def open_robot(
     annotations: Annotations | None = None,
     datum: MapDatum | None = None,
     opened: Path | None = None,
+    before_save: Callable[[], None] = lambda: None,
 ) -> Iterator[RobotLoop]:
     """Open a robot that starts at `map_from_base`; on exit stop it and close the ports.
 
     In a `known` map it localizes and does not map; in a saved session it resumes mapping once it has
     localized. None for the pose then means anywhere in it; with its `datum`, a GPS says about where.
     `annotations` are those of that map, and `opened` is its file, which the library then protects. With
-    `map_path`, a .yaml, the command `save_map` writes the map there.
+    `map_path`, a .yaml, the command `save_map` writes the map there. `before_save` runs before the map is
+    written to the run's folder, by this command or at the end.
 
     Raises
     ------
@@ -122,7 +124,9 @@ def open_robot(
             mapper.resume_from(known.counts, map_from_base)
         elif known is not None:
             mapper.localize_in(known, map_from_base)
-        saving = _Saving(path=map_path, annotations=annotations or Annotations(), opened=opened)
+        saving = _Saving(
+            path=map_path, annotations=annotations or Annotations(), opened=opened, before_save=before_save
+        )
         earth = EarthReference(config.gps, datum)
         robot = _wire(
             config, board, lidar, tuple(feeds), mapper, saving, earth=earth, find_objects=find_objects
@@ -156,6 +160,7 @@ class _Saving:
     path: Path | None
     annotations: Annotations
     opened: Path | None = None
+    before_save: Callable[[], None]
 
 
 def _wire(
@@ -231,7 +236,7 @@ def _wire(
             newest_frames=_newest_frames(inputs) or list,
             is_simulated=board.port.has_simulated_clock,
         )
-    saver = _map_saver(estimator, map_annotations, queue, saving.path) if saving.path else None
+    saver = _map_saver(estimator, map_annotations, queue, saving) if saving.path else None
     handler = RequestHandler(
         request_queue=queue,
         drive_manager=drive_manager,
@@ -258,6 +263,7 @@ def _wire(
             publisher=publisher,
             reconnection=Reconnection(inputs, drive_manager, publisher, lambda: _connect(config)),
             object_finder=finder,
+            before_save=saving.before_save,
         )
     )
 
@@ -370,8 +376,10 @@ def _publisher(config: RobotConfig, inputs: SensorInputs) -> Publisher:
 
 
 def _map_saver(
-    estimator: StateEstimator, annotations: MapAnnotations, queue: RequestQueue, path: Path
+    estimator: StateEstimator, annotations: MapAnnotations, queue: RequestQueue, saving: _Saving
 ) -> MapSaver:
+    assert saving.path is not None
+
     def session() -> SavedSlamState:
         state = estimator.state()
         return SavedSlamState.from_mapper(estimator.mapper, state.map_from_base if state else None)
@@ -382,7 +390,15 @@ def _map_saver(
     def annotated() -> Annotations:
         return annotations.value
 
-    return MapSaver(estimator.mapper.grid, session, annotated, path, report, datum=estimator.map_datum)
+    return MapSaver(
+        estimator.mapper.grid,
+        session,
+        annotated,
+        saving.path,
+        report,
+        datum=estimator.map_datum,
+        before_save=saving.before_save,
+    )
 
 
 @contextmanager

@@ -57,6 +57,7 @@ class RobotParts:
     publisher: Publisher
     reconnection: Reconnection
     object_finder: ObjectFinder | None = None
+    before_save: Callable[[], None]  # called before the map is written to the folder of the run
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +89,7 @@ class RobotLoop:
             rate=self._rate,
             object_finder=parts.object_finder,
         )
+        self.before_save = parts.before_save
         self.after_cycle: list[Callable[[], None]] = []  # must neither block nor take long
         self._silent_cycles = 0
 

@@ -6,11 +6,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from thumper.cli.resume import AUTOSAVE, INTERRUPTED, autosaved, load_interrupted, set_aside_interrupted
+from thumper.cli.resume import (
+    AUTOSAVE,
+    INTERRUPTED,
+    autosaved,
+    keep_earlier_map,
+    load_interrupted,
+    set_aside_interrupted,
+)
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, with_ports
 from thumper.maps.hit_counts import HitCounts
+from thumper.maps.map_server_io import load_map, save_map
 from thumper.navigation.goal import Goal
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.drive.tasks import follow_waypoints
@@ -118,3 +126,31 @@ def test_a_failure_after_a_drive_leaves_its_session(tmp_path: Path, monkeypatch:
     with pytest.raises(ThumperError, match="failed"):
         drive_to(0.5, tmp_path, monkeypatch, "failed")
     assert (tmp_path / AUTOSAVE).exists()
+
+
+@pytest.mark.parametrize("opened", [None, "other/map.session", INTERRUPTED])
+def test_a_new_map_keeps_that_of_an_earlier_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], opened: str | None
+) -> None:
+    grid = COUNTS.grid(0.5)
+    (tmp_path / "map_1.pgm").write_text("an image without a map")
+    save_map(grid, tmp_path / "map.yaml")
+    (tmp_path / "map.session").write_text("session")
+    keep = keep_earlier_map(tmp_path, tmp_path / opened if opened else None)
+    keep()
+    names = ["map_1.pgm", "map_2.pgm", "map_2.session", "map_2.yaml"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    assert np.array_equal(load_map(tmp_path / "map_2.yaml").cells, grid.cells)
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line == f"the map of an earlier run is kept as {tmp_path}/map_2.yaml"
+    save_map(grid, tmp_path / "map.yaml")
+    keep()  # the second time that this run saves its map
+    assert (tmp_path / "map.yaml").exists()
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize("opened", ["map.yaml", "map.session", AUTOSAVE])
+def test_a_run_replaces_the_map_that_it_continues(tmp_path: Path, opened: str) -> None:
+    save_map(COUNTS.grid(0.5), tmp_path / "map.yaml")
+    keep_earlier_map(tmp_path, tmp_path / "." / opened)()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.pgm", "map.yaml"]

@@ -26,10 +26,14 @@ class MapSaver:
         report: Callable[[str, bool], None],
         *,
         datum: Callable[[], MapDatum | None] = lambda: None,
+        before_save: Callable[[], None] = lambda: None,
     ) -> None:
-        """`path` is the map's .yaml. The thread calls `report(text, ok)` with the outcome."""
+        """`path` is the map's .yaml. The thread calls `before_save` before it writes there, and
+        `report(text, ok)` with the outcome.
+        """
         self._grid, self._session, self._annotations = grid, session, annotations
         self._path, self._report, self._datum = path, report, datum
+        self._before_save = before_save
         self._thread: threading.Thread | None = None
         self._target = path  # of the newest write
 
@@ -62,6 +66,8 @@ class MapSaver:
         datum: MapDatum | None,
     ) -> None:
         try:
+            if path == self._path:
+                self._before_save()
             image = save_map(grid, path, datum)
             counts = save_session(session, path.with_suffix(".session"))
             zones = save_annotations(annotations, annotations_path(path))

@@ -58,3 +58,25 @@ def test_an_unwritable_folder_is_reported(tmp_path: Path) -> None:
     assert reported.wait(20.0)
     assert reports[0][0].startswith("the map was not saved")
     assert not reports[0][1]
+
+
+@pytest.mark.parametrize(("name", "called"), [("map.yaml", 1), ("flat.yaml", 0)])
+def test_the_map_of_the_run_is_set_aside_before_it_is_replaced(
+    tmp_path: Path, name: str, called: int
+) -> None:
+    reported, calls = threading.Event(), []
+
+    def before_save() -> None:
+        calls.append((tmp_path / "map.yaml").exists())
+
+    saver = MapSaver(
+        lambda: GRID,
+        lambda: SESSION,
+        Annotations,
+        tmp_path / "map.yaml",
+        lambda _text, _ok: reported.set(),
+        before_save=before_save,
+    )
+    saver.save_to(tmp_path / name)
+    assert reported.wait(20.0)
+    assert calls == [False] * called
