@@ -64,10 +64,16 @@ def test_record_replay_and_export(thumper: Thumper, tmp_path: Path) -> None:
     torn.write_bytes(recorder.files[0].read_bytes()[:-400])
     assert "torn.mcap: repaired" in thumper("recover", tmp_path).stdout
     whole = tmp_path / "torn.mcap"
-    done = thumper(
-        "export", whole, "--csv", tmp_path / "t", "--map", tmp_path / "m.v1", "--png", tmp_path / "p.png"
-    )
+    png = ("--png", tmp_path / "p.png")
+    outputs = (("--csv", tmp_path / "t", "cmd_vel.csv"), ("--map", tmp_path / "m.v1", "m.v1.yaml"))
+    given = [argument for option, path, _ in outputs for argument in (option, path)]
+    done = thumper("export", whole, *given, *png)
     assert done.returncode == 0, done.stderr
+    for option, path, there in outputs:
+        refused = thumper("export", whole, option, path)
+        assert refused.returncode == 2
+        assert f"{there} already exists; choose another {option} or add --force" in refused.stderr
+    assert thumper("export", whole, *given, "--force").returncode == 0
     assert (tmp_path / "t" / "wheels.csv").stat().st_size > 1000
     assert (tmp_path / "m.v1.pgm").exists()
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")

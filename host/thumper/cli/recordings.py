@@ -55,6 +55,9 @@ def export(
     speed: Annotated[
         float, typer.Option(min=0.1, help="Speed of the moving picture relative to real time.")
     ] = 4.0,
+    force: Annotated[
+        bool, typer.Option("--force", help="Overwrite the files of --map and the tables of --csv.")
+    ] = False,
 ) -> None:
     """Convert a recording to CSV tables, a map file or a picture.
 
@@ -75,6 +78,8 @@ def export(
             f"--animation {animation}: unknown picture format; end the name in .webp or .gif",
             exit_code=EXIT_USAGE,
         )
+    if not force:
+        _refuse_existing(csv, map_file)
     recording = Recording(find_recordings(files))
     if csv:
         prepare_output(csv, "--csv")
@@ -86,6 +91,22 @@ def export(
         _export_animation(recording, animation, speed)
     for note in recording.notes:
         print(f"note: {note}")
+
+
+def _refuse_existing(csv: Path | None, map_file: Path | None) -> None:
+    """Raise ThumperError if a table in the folder `csv`, or a file of the map, exists."""
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+    from thumper.maps.map_server_io import map_yaml_path
+
+    there = [("--csv", path) for path in sorted(csv.glob("*.csv"))] if csv else []
+    if map_file:
+        yaml_path = map_yaml_path(map_file)
+        there += [("--map", path) for path in (yaml_path, yaml_path.with_suffix(".pgm")) if path.exists()]
+    if there:
+        option, path = there[0]
+        raise ThumperError(
+            f"{path} already exists; choose another {option} or add --force", exit_code=EXIT_USAGE
+        )
 
 
 def _export_map(recording: "Recording", map_file: Path | None, png: Path | None) -> None:
