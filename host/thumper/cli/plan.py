@@ -18,6 +18,12 @@ if TYPE_CHECKING:
 KEEP_OUT_SHADE = 40  # occupancy in percent with which to draw a keep-out zone
 
 
+def _planners() -> list[str]:
+    from thumper.navigation.registry import PLANNERS  # slow
+
+    return list(PLANNERS)
+
+
 def plan(
     file: Annotated[Path, typer.Argument(metavar="MAP.yaml", help="Saved map in map_server format.")],
     start: Annotated[
@@ -29,7 +35,11 @@ def plan(
         typer.Option(metavar="X Y", help="Goal in the map, in metres; required without --batch."),
     ] = None,
     planner: Annotated[
-        str, typer.Option(help="carrot, navfn, astar or lattice; overrides the configuration.")
+        str,
+        typer.Option(
+            help="carrot, navfn, astar or lattice; overrides the configuration.",
+            autocompletion=_planners,
+        ),
     ] = "",
     unknown: Annotated[
         bool | None,

@@ -9,12 +9,15 @@ from serial.tools.list_ports_common import ListPortInfo
 
 from thumper.cli.app import build_app
 from thumper.cli.bash_completion import whole_words
+from thumper.navigation.registry import PLANNERS
+from thumper_tuning.design.gains import RULE_NAMES
 
 
 def offered(command: str, option: str, typed: str = "") -> list[str]:
-    """Return what Tab offers for an option or argument of a command."""
-    group = typer.main.get_command(build_app())
-    of = group.commands[command]  # type: ignore[attr-defined]
+    """Return what Tab offers for an option or argument of a command or subcommand."""
+    of = typer.main.get_command(build_app())
+    for word in command.split():
+        of = of.commands[word]  # type: ignore[attr-defined]
     (parameter,) = [one for one in of.params if option in one.opts]
     context = of.make_context(command, [], resilient_parsing=True)
     return [item.value for item in parameter.shell_complete(context, typed)]
@@ -38,6 +41,13 @@ def test_worlds_parameters_and_topics_are_offered() -> None:
     assert {"lab", "hall", "house-1"} <= set(offered("sim", "--world"))
     assert offered("parameters", "words", "k") == ["kp", "ki", "ks", "kv", "ka"]
     assert "scan" in offered("watch", "topic")
+
+
+def test_planners_and_tuning_rules_are_offered() -> None:
+    assert set(offered("plan", "--planner")) == set(PLANNERS)
+    for command in ("tune", "tune design"):
+        assert set(offered(command, "--rule")) == set(RULE_NAMES)
+    assert offered("tune", "--rule", "mi") == ["migo", "migo-1.4"]
 
 
 def test_a_plug_in_without_urls_offers_none(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -71,11 +71,20 @@ Columns = Annotated[
         show_default=False,
     ),
 ]
+
+
+def _rules() -> list[str]:
+    from thumper_tuning.design.gains import RULE_NAMES  # slow
+
+    return list(RULE_NAMES)
+
+
 Rule = Annotated[
     str | None,
     typer.Option(
         help="migo, migo-1.4, improved-simc, simc, amigo, ziegler-nichols, pole-placement or dlqr.",
         show_default="migo",
+        autocompletion=_rules,
     ),
 ]
 Sensitivity = Annotated[
