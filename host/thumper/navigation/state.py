@@ -94,7 +94,8 @@ class TransitionLog:
         entry = Transition(time_s=time_s, before=self._state, after=state, reason=reason)
         self._state, self._recovery = state, recovery
         self.entries.append(entry)
-        log.info("%.1f s: %s -> %s: %s", entry.time_s, entry.before or "start", entry.after, entry.reason)
+        why = f": {entry.reason}" if entry.reason else ""
+        log.info("%.1f s: %s -> %s%s", entry.time_s, entry.before or "start", entry.after, why)
         if self._listener is not None:
             try:
                 self._listener(entry)

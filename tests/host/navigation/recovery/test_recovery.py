@@ -1,6 +1,7 @@
 """Recoveries in move_base's order, their transitions, and that nothing retries for ever."""
 
 import dataclasses
+import logging
 import math
 
 import numpy as np
@@ -19,7 +20,7 @@ from thumper.navigation.planners.traversal_cost import TraversalCostOptions
 from thumper.navigation.recovery import recovery_policy
 from thumper.navigation.recovery.behaviors import DEFAULT_BEHAVIOURS, Behaviour, RecoveryOptions
 from thumper.navigation.recovery.reachability import Reachability
-from thumper.navigation.state import Transition
+from thumper.navigation.state import Transition, TransitionLog
 from thumper_hil.kinematic.closed_loop import Run, drive
 from thumper_hil.kinematic.world import KinematicWorld, box
 
@@ -55,6 +56,15 @@ def run_to_the_end(
         twist = output.command
         pose = pose @ Pose2(x_m=0.1 * twist.v_m_s, theta_rad=0.1 * twist.w_rad_s)
     raise AssertionError(f"still {output.state} after {limit_s} s: {output.reason}")
+
+
+def test_the_log_of_a_transition_without_a_reason_has_no_colon_at_its_end(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with caplog.at_level(logging.INFO, "thumper.navigation.state"):
+        for state, reason in (("controlling", ""), ("failed", "no path")):
+            TransitionLog().record(1.0, state, reason, "")
+    assert caplog.messages == ["1.0 s: start -> controlling", "1.0 s: start -> failed: no path"]
 
 
 def test_recoveries_run_in_order_and_every_one_is_a_transition() -> None:
