@@ -8,6 +8,7 @@ from rich.live import Live
 from rich.spinner import Spinner
 
 COMPILING = "compiling for this computer, once: 1 to 2 minutes"
+COUNTED_KERNELS = 50  # without a terminal, one line for as many
 
 
 class CompileProgress:
@@ -20,6 +21,8 @@ class CompileProgress:
 @contextmanager
 def compile_progress(console: Console, loading: str = "") -> Iterator[CompileProgress]:
     """Count the kernels that are compiled inside the block, in one line that ends as a summary.
+
+    Without a terminal, there is a line for every `COUNTED_KERNELS`.
 
     If all are loaded from disk, a terminal shows `loading` meanwhile, and nothing remains.
     """
@@ -43,6 +46,8 @@ def compile_progress(console: Console, loading: str = "") -> Iterator[CompilePro
 
         def on_end(self, event: event.Event) -> None:
             progress.count += 1
+            if not console.is_terminal and progress.count % COUNTED_KERNELS == 0:
+                console.print(f"{progress.count} kernels so far", highlight=False)
             spinner.update(text=f"{COMPILING}; {progress.count} kernels so far")
 
     listener = Listener()

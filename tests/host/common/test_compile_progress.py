@@ -3,8 +3,10 @@
 import io
 
 import numba
+import pytest
 from rich.console import Console
 
+from thumper.common import compile_progress as compile_progress_module
 from thumper.common.compile_progress import compile_progress
 
 KERNELS = 12
@@ -15,12 +17,15 @@ def compile_some() -> None:
         numba.njit(lambda x: x + 1)(1)
 
 
-def test_compiling_takes_two_lines() -> None:
+def test_compiling_shows_the_number_without_a_terminal_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compile_progress_module, "COUNTED_KERNELS", 5)
     written = io.StringIO()
     with compile_progress(Console(file=written), "loading"):
         compile_some()
     assert written.getvalue().splitlines() == [
         "compiling for this computer, once: 1 to 2 minutes",
+        "5 kernels so far",
+        "10 kernels so far",
         f"compiled {KERNELS} kernels",
     ]
 
