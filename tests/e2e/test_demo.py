@@ -48,6 +48,8 @@ def test_demo_reaches_both_goals_and_writes_its_results(thumper: Run, tmp_path: 
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
     assert "thesis" in (tmp_path / "table.md").read_text()
     assert str(tmp_path) in output.replace("\n", "")
+    assert "map_straight.*, map_box.*; recordings of both: recordings/" in output
+    assert any((tmp_path / "recordings").glob("*.mcap"))
 
 
 @pytest.mark.slow

@@ -71,6 +71,8 @@ def write_results(
     console.print(f"preset {setting['preset']}; simulation ran at {speed}", highlight=False)
     files = "map.pgm, map.yaml, map.session, missions.png, speed_control.png, table.md, summary.json"
     console.print(f"in {out}/: {files}", soft_wrap=True)
+    own = ", ".join(f"{name}.*" for name, _ in maps)
+    console.print(f"the map of each mission: {own}; recordings of both: recordings/", soft_wrap=True)
 
 
 def print_next_steps(console: Console, steps: Sequence[tuple[str, str]] = NEXT_STEPS) -> None:
