@@ -99,7 +99,7 @@ OPTION_PANELS = {  # of the commands with many options
     "Robot": ("board", "lidar", "config", "speed"),
     "Map": ("start", "saved_map", "session", "fresh"),
     "Output": ("out", "record", "record_to"),
-    "Others": ("bus", "ui", "help"),
+    "Others": ("bus", "ui", "ui_port", "help"),
 }
 START = "Start here: `thumper demo --ui` without a robot, `thumper setup` with one."
 TYPES = {  # Typer's names, and those of the help
