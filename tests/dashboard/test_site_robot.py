@@ -73,6 +73,10 @@ def test_space_is_the_emergency_stop_and_does_not_scroll(front_page: Page) -> No
     front_page.keyboard.press("Space")
     wait(front_page, "now.state === 'FAULT' && now.fault === 'E_STOP' && now.left_pwm === 0")
     assert front_page.evaluate("window.scrollY") == place
+    front_page.get_by_role("button", name="Clear the fault", exact=True).click()
+    wait(front_page, "now.state === 'DISARMED'")
+    front_page.get_by_role("button", name="Emergency stop").click()
+    wait(front_page, "now.fault === 'E_STOP'")
 
 
 def test_gains_hold_the_speed_against_friction_and_can_be_reset(front_page: Page) -> None:

@@ -37,11 +37,10 @@ function start(element) {
     simulation.repair();
     find(".robot-room").focus({ preventScroll: true });
   });
-  const drive = (twist) => {
-    simulation.twist = twist;
-    find(".robot-hint").hidden = true;
-  };
-  listen(element, find(".robot-stick"), { drive, stop: () => simulation.link.command("E_STOP") });
+  const drive = (twist) => (simulation.twist = twist);
+  const stop = () => simulation.link.command("E_STOP");
+  listen(element, find(".robot-stick"), { drive, stop });
+  find("[data-stop]").addEventListener("click", stop);
   const wait = matchMedia("(prefers-reduced-motion: reduce)").matches;
   if (wait) simulation.twist = { v_m_s: 0, w_rad_s: 0 };
 
@@ -83,10 +82,10 @@ function showState(find, { newest, pose, link }, rate) {
   find(".robot-fault").hidden = !broken;
   find("[data-chip=state]").dataset.fault = broken || !link.plugged;
   if (!broken) return;
-  find(".robot-hint").hidden = true;
   const { name, hint } = faults[newest.fault];
   text(".robot-fault b", name);
   text(".robot-fault span", hint);
+  text(".robot-fault button", newest.fault === "E_STOP" ? "Clear the fault" : "Repair and clear the fault");
 }
 
 start(document.getElementById("robot"));
