@@ -2,7 +2,8 @@
 
 It takes the one that gains the most room or, where none does, the one that gets past the obstacle. A
 controller that is rejected beside a post requests the same bend again and again. Its scores do not favour
-driving straight until the post is behind, or turning away from it first.
+driving straight until the post is behind, or turning away from it first. Where the path leads back, room to
+turn on the spot counts, too.
 """
 
 import math
@@ -25,6 +26,7 @@ ENOUGH_M = 0.04  # more room than this counts no more
 LOOKAHEAD_M = 0.3  # of the target point on the path ...
 PROGRESS_WEIGHT = 0.15  # ... and the room that one metre nearer to it is worth [m/m]
 LEAST_GAIN_M = 0.001
+BACK_RAD = 0.5 * math.pi  # a path that leads further off begins with a turn on the spot
 
 
 @kernel
@@ -80,6 +82,9 @@ class Escape:
 
     def _value_m(self, points_m: FloatArray, pose: FloatArray, target_m: FloatArray) -> float:
         room_m = min(ENOUGH_M, room(points_m, self._half_planes, pose))
+        if len(points_m) and abs(math.atan2(target_m[1], target_m[0])) > BACK_RAD:
+            nearest_m = float(np.hypot(*(points_m - pose[:2]).T).min())
+            room_m += min(2.0 * ENOUGH_M, nearest_m - self._footprint.circumscribed_radius_m)
         return room_m - PROGRESS_WEIGHT * math.dist(pose[:2], target_m)
 
     def _is_known(self, request: ControlRequest, arc: FloatArray) -> bool:

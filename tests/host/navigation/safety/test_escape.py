@@ -1,5 +1,7 @@
 """Escape: past a post, away from it, not into unknown space behind; None if boxed in."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -65,6 +67,15 @@ def test_backs_away_from_a_wall_only_over_known_space(known: bool) -> None:
         assert escape.v_m_s < 0.0
     else:
         assert escape is None
+
+
+def test_drives_ahead_before_it_turns_round_beside_a_post() -> None:
+    post_m = np.array(((-0.19, 0.23),))  # beside the rear: enough room to drive, not to turn
+    back_m = np.column_stack((np.linspace(0.0, -1.0, 21), np.linspace(0.0, -0.6, 21)))
+    asked = replace(request(post_m), path_m=back_m)
+    escape = Escape(MONITOR, LIMITS, FOOTPRINT).compute_command(asked, post_m, np.zeros(1))
+    assert escape is not None
+    assert escape.v_m_s > 0.0
 
 
 def test_boxed_in_robot_has_no_escape() -> None:
