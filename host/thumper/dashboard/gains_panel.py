@@ -180,7 +180,8 @@ class GainsPanel:
         async def change() -> str:
             answer = await asyncio.to_thread(self._parameters.set, self._schema, self._changes())
             self._show_values(answer)
-            return "The board now uses " + ", ".join(f"{name} {value:g}" for name, value in answer.items())
+            uses = (f"{name} {round(value, DECIMALS):g}" for name, value in answer.items())
+            return "The board now uses " + ", ".join(uses)
 
         await self._run(change)
 

@@ -80,7 +80,7 @@ class Transition:
 
 
 class TransitionLog:
-    """Keeps the newest transitions; reports them to a listener and to `thumper.navigation.transitions`."""
+    """Keeps the newest transitions; reports them to a listener and to the log `thumper.navigation.state`."""
 
     def __init__(self, listener: Callable[[Transition], None] | None = None) -> None:
         self._listener = listener
