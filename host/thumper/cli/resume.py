@@ -102,13 +102,15 @@ def keep_earlier_map(out: Path, opened: Path | None) -> Callable[[], None]:
     The run has `opened` a map or session: it may replace the one that it continues. Later calls do nothing.
     """
     continued = {(out / name).resolve() for name in ("map.yaml", "map.session", AUTOSAVE)}
-    earlier = [out / "map.yaml"] if opened is None or opened.resolve() not in continued else []
+    may_replace = opened is not None and opened.resolve() in continued
 
     def keep() -> None:
-        while earlier:
-            if name := set_aside(earlier[0]):
-                print(f"the map of an earlier run is kept as {out / name}.yaml", flush=True)
-            earlier.pop()
+        nonlocal may_replace
+        if may_replace:
+            return
+        if name := set_aside(out / "map.yaml"):
+            print(f"the map of an earlier run is kept as {out / name}.yaml", flush=True)
+        may_replace = True  # it is this run's own from now on
 
     return keep
 

@@ -15,17 +15,9 @@ from thumper.dashboard.widgets import box, button
 
 DECIMALS = 3
 RETRY_S = 2.0  # the robot may start after the page
+REVERSED = ("left_motor_reversed", "right_motor_reversed", "left_encoder_reversed", "right_encoder_reversed")
 GROUPS = {  # of what describes the robot; all others are gains
-    "Wheels and motors": (
-        "counts_per_rev",
-        "wheel_radius",
-        "track",
-        "left_motor_reversed",
-        "right_motor_reversed",
-        "left_encoder_reversed",
-        "right_encoder_reversed",
-        "pwm_frequency",
-    ),
+    "Wheels and motors": ("counts_per_rev", "wheel_radius", "track", *REVERSED, "pwm_frequency"),
     "Battery and currents": (
         "battery_cells",
         "battery_stop",
@@ -41,8 +33,7 @@ GROUPS = {  # of what describes the robot; all others are gains
 YES_NO = {0: "0: no", 1: "1: yes"}
 INPUT = {0: "0: unused", 1: "1: stops while low", 2: "2: stops while high"}
 CHOICES = {
-    **dict.fromkeys(GROUPS["Wheels and motors"][3:7], YES_NO),
-    "currents_at_a4": YES_NO,
+    **dict.fromkeys((*REVERSED, "currents_at_a4"), YES_NO),
     "input_1": INPUT,
     "input_2": INPUT,
     "gyroscope": {0: "0: none", 1: "1: z axis up", 2: "2: z axis down"},

@@ -26,7 +26,6 @@ ENOUGH_M = 0.04  # more room than this counts no more
 LOOKAHEAD_M = 0.3  # of the target point on the path ...
 PROGRESS_WEIGHT = 0.15  # ... and the room that one metre nearer to it is worth [m/m]
 LEAST_GAIN_M = 0.001
-BACK_RAD = 0.5 * math.pi  # a path that leads further off begins with a turn on the spot
 
 
 @kernel
@@ -82,7 +81,7 @@ class Escape:
 
     def _value_m(self, points_m: FloatArray, pose: FloatArray, target_m: FloatArray) -> float:
         room_m = min(ENOUGH_M, room(points_m, self._half_planes, pose))
-        if len(points_m) and abs(math.atan2(target_m[1], target_m[0])) > BACK_RAD:
+        if len(points_m) and target_m[0] < 0.0:  # the path begins with a turn on the spot
             nearest_m = float(np.hypot(*(points_m - pose[:2]).T).min())
             room_m += min(2.0 * ENOUGH_M, nearest_m - self._footprint.circumscribed_radius_m)
         return room_m - PROGRESS_WEIGHT * math.dist(pose[:2], target_m)
