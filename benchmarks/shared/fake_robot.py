@@ -80,6 +80,7 @@ class FakeRobot:
     goal: Pose2 | None = None
     battery_V: float = 7.62
     reason: str = ""  # empty: that of its goal
+    pose_lost: str = ""
     received: list[tuple[float, Request]] = field(default_factory=list)
     parameters: dict[str, float] = field(default_factory=dict)
     simulated_faults: dict[str, Any] = field(default_factory=dict)
@@ -116,7 +117,7 @@ class FakeRobot:
         self.fault, self.fault_words, self.fault_cure = Fault.NONE, "", ""
         if self.annotations:
             self.annotate(Annotations())
-        self.reason = ""
+        self.reason = self.pose_lost = ""
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
         self.recording_paused = False
         self.state = State.CLOSED_LOOP
@@ -364,6 +365,7 @@ class FakeRobot:
             link_frames=1234,
             link_errors=2,
             lidar_scans=self.lidar_scans,
+            pose_lost=self.pose_lost,
         )
 
     def _send(self, topic: str, message: Any) -> None:

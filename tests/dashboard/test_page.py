@@ -43,6 +43,16 @@ def test_status_names_the_experiment_that_drives(page: Page, robot: FakeRobot) -
     expect(mode).to_have_text("idle")
 
 
+def test_lost_pose_is_shown_with_its_reason(page: Page, robot: FakeRobot) -> None:
+    pose, reason = page.locator("[data-field=pose]"), page.locator("[data-field=reason]")
+    expect(pose).to_contain_text(" m")
+    robot.pose_lost = "several places look alike"
+    expect(pose).to_have_text("lost")
+    expect(reason).to_have_text("pose lost: several places look alike")
+    robot.pose_lost = ""
+    expect(pose).to_contain_text(" m")
+
+
 def test_fault_is_shown_with_its_fix(page: Page, robot: FakeRobot) -> None:
     robot.fault_words = "stall left"
     robot.fault_cure = "the left wheels do not turn; are they blocked?"

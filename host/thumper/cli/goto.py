@@ -95,6 +95,7 @@ def goto(
             if not wait:
                 print(f"mission {mission} started")
                 return
+            begun_s = time.monotonic()
             state = _wait(client, mission)
         except KeyboardInterrupt:
             services.COMMAND.call(client, RunCommand(command="cancel"))
@@ -103,7 +104,7 @@ def goto(
             ) from None
     if state.state != "reached":
         raise ThumperError(f"goal not reached: {state.reason}")
-    print(f"reached: {state.reason}")
+    print(f"reached: {state.reason}, {time.monotonic() - begun_s:.1f} s")
 
 
 def _on_earth(place: tuple[float, float], tolerance_m: float, *, is_alone: bool) -> "SendMission":

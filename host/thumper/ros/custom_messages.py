@@ -56,6 +56,7 @@ uint32 lidar_scans
 uint32 lidar_errors
 uint32 lidar_restarts
 string sensors
+string pose_lost
 """
 
 # The cells of the map in a box. `before` is the stamp of the map that it changes; zero if it changes none.

@@ -34,3 +34,4 @@ class Status:
     lidar_errors: int = 0
     lidar_restarts: int = 0
     sensors: str = ""  # the others: name, samples, errors and restarts of each
+    pose_lost: str = ""  # why the pose cannot be trusted; empty if it can

@@ -9,8 +9,8 @@ LATE_LOOP_S = 0.1  # one cycle
 
 
 def diagnostics(status: Message, battery: Message | None) -> Message:
-    """Build a DiagnosticArray of board, lidar, loop and battery from thumper_msgs/Status and BatteryState."""
-    parts = [_board(status), _lidar(status), _loop(status)]
+    """Build a DiagnosticArray of the robot's parts from thumper_msgs/Status and BatteryState."""
+    parts = [_board(status), _lidar(status), _localization(status), _loop(status)]
     if battery is not None:
         parts.append(_part(status, "battery", OK, f"{battery.voltage:.1f} V", voltage_V=battery.voltage))
     return message("diagnostic_msgs/msg/DiagnosticArray", header=status.header, status=parts)
@@ -53,6 +53,11 @@ def _lidar(status: Message) -> Message:
         restarts=status.lidar_restarts,
         scan_age_s=status.scan_age_s,
     )
+
+
+def _localization(status: Message) -> Message:
+    level, text = (WARN, f"pose lost: {status.pose_lost}") if status.pose_lost else (OK, "pose known")
+    return _part(status, "localization", level, text)
 
 
 def _loop(status: Message) -> Message:

@@ -39,6 +39,7 @@ COSTMAP_PERIOD_S = 0.5
 COSTMAP_RADIUS_M = 2.5
 FINAL = (NavigationState.REACHED.value, NavigationState.FAILED.value)
 PARTICLES_PERIOD_S, MAX_PARTICLES = 0.5, 200
+POSE_LOST_S = 1.0  # an event says so then
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,6 +99,7 @@ class Publisher:
         self._has_scans = True
         self._silent: set[str] = set()  # names of sensors
         self._was_waiting = False
+        self._pose_known_s, self._is_pose_lost = -math.inf, False
 
     def add_sink(self, sink: Sink) -> None:
         """Send all messages to `sink` from now on, and at once the newest message of each latched topic."""
@@ -149,6 +151,7 @@ class Publisher:
             self._publish_plans(drive_manager, output, state)
         self._publish_map(inputs, time_s)
         self._publish_events(inputs, drive_manager)
+        self._publish_localization(state)
         self._publish_losses(inputs, state, drive_manager)
         status = self._status(inputs, drive_manager, state, timing)
         self._send("status", time_s, self.messages.status(status))
@@ -233,6 +236,17 @@ class Publisher:
             text = fault_line(fault) if fault else "fault cleared"
             self.publish_event(text, ERROR if fault else INFO, name="board")
 
+    def _publish_localization(self, state: RobotState) -> None:
+        """Say when the pose is lost for longer than a few scans, and when the robot has found it."""
+        if not state.lost:
+            self._pose_known_s = state.time_s
+        is_lost = state.time_s > self._pose_known_s + POSE_LOST_S
+        if is_lost and not self._is_pose_lost:
+            self.publish_event(f"pose lost: {state.lost}", WARN, name="localization")
+        elif self._is_pose_lost and not is_lost:
+            self.publish_event("pose found", name="localization")
+        self._is_pose_lost = is_lost
+
     def _publish_losses(self, inputs: SensorInputs, state: RobotState, drive_manager: DriveManager) -> None:
         """Say when a sensor falls silent and when it sends again, and why a drive waits."""
         for feed in inputs.feeds:
@@ -296,6 +310,7 @@ class Publisher:
             sensors="\n".join(
                 filter(None, (*(feed.summary(state.time_s) for feed in inputs.feeds), self.objects))
             ),
+            pose_lost=state.lost,
         )
 
     def _send(self, topic: str, time_s: float, message: Message) -> None:

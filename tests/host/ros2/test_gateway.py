@@ -161,14 +161,19 @@ def test_clock_and_diagnostics_of_a_simulated_robot(gateway: Gateway) -> None:
         fault_words="low battery",
         fault_cure="charge it",
         scan_age_s=0.1,
+        pose_lost="carried away",
     )
     clock = echo(gateway, clocks, "status", M.status(status))
     assert (clock.clock.sec, clock.clock.nanosec) == (12, 500_000_000)
     until(lambda: diagnostics, 20.0)
     parts = {part.name: part for part in diagnostics[-1].status}
-    assert set(parts) == {"r1: board", "r1: lidar", "r1: control loop"}
+    assert set(parts) == {"r1: board", "r1: lidar", "r1: localization", "r1: control loop"}
     assert (parts["r1: board"].level, parts["r1: board"].message) == (2, "low battery: charge it")
     assert parts["r1: lidar"].level == 0
+    assert (parts["r1: localization"].level, parts["r1: localization"].message) == (
+        1,
+        "pose lost: carried away",
+    )
 
 
 def test_cmd_vel_of_both_types_becomes_a_manual_command(gateway: Gateway) -> None:

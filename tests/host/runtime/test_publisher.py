@@ -1,6 +1,7 @@
 """Each published message carries the time at which it is sent."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from thumper.ros.from_ros import map_change_of
 from thumper.ros.to_ros import text
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.loop import RobotLoop
+from thumper.slam.mode_switch import SlamModeSwitch
 
 PAUSE_S = 5.0
 
@@ -99,6 +101,26 @@ def test_an_event_is_stamped_when_it_happens(robot: RobotLoop) -> None:
     assert event_s == later_s > now_s
     _, _, message = listener.received[-1]
     assert message.stamp.sec + 1e-9 * message.stamp.nanosec == pytest.approx(later_s, abs=1e-6)
+
+
+def test_a_lost_pose_is_in_the_status_and_in_the_events(robot: RobotLoop) -> None:
+    let_time_pass(robot)
+    assert isinstance(robot.mapper, SlamModeSwitch)
+    own_map = robot.mapper.grid()
+    cells = np.zeros((60, 60), dtype=np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = 100
+    listener = Listener()
+    robot.publisher.add_sink(listener)
+    robot.mapper.localize_in(replace(own_map, cells=cells), None)  # of another room
+    let_time_pass(robot)
+    robot.mapper.localize_in(own_map, Pose2())
+    let_time_pass(robot)
+    lost = [message.pose_lost for topic, _, message in listener.received if topic == "status"]
+    assert any(lost)
+    assert lost[-1] == ""
+    events = [message.msg for topic, _, message in listener.received if topic == "events"]
+    assert events[0].startswith("pose lost: ")
+    assert events[-1] == "pose found"
 
 
 def test_map_changes_lead_from_each_map_to_the_next(robot: RobotLoop) -> None:

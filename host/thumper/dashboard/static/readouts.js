@@ -54,12 +54,14 @@ const FIELDS = {
   robot: ({ status }) => status?.robot ?? "",
   mode: ({ status, experiment }) => (experiment?.running
     ? EXPERIMENTS[experiment.running] ?? formatName(experiment.running) : formatName(status?.mode)),
-  reason: ({ status, experiment }) => (experiment?.running ? experiment.what : status?.reason || firstStep(status)),
+  reason: ({ status, experiment }) => (
+    experiment?.running ? experiment.what : lostPose(status) || status?.reason || firstStep(status)),
   board_state: (values) => BOARD_STATES[boardState(values)] ?? formatName(boardState(values)),
   battery: ({ board }) => formatVolts(board?.battery_V),
   distance: ({ status }) => (status?.has_goal ? formatMetres(status.distance_to_goal_m) : NO_VALUE),
-  pose: ({ pose }) => (pose ? `${fixed(pose[0], 2)}, ${fixed(pose[1], 2)} m` : NO_VALUE),
-  heading: ({ pose }) => formatDegrees(pose?.[2], "°", 0),
+  pose: ({ pose, status }) => (
+    status?.pose_lost ? "lost" : pose ? `${fixed(pose[0], 2)}, ${fixed(pose[1], 2)} m` : NO_VALUE),
+  heading: ({ pose, status }) => (status?.pose_lost ? NO_VALUE : formatDegrees(pose?.[2], "°", 0)),
   loop_late: ({ status }) => formatMs(status?.loop_late_s),
   loop_busy: ({ status }) => formatMs(status?.loop_busy_s),
   telemetry_age: ({ status }) => formatMs(status?.telemetry_age_s),
@@ -84,6 +86,10 @@ const FIELDS = {
 // What to do with a robot that has done nothing yet.
 const firstStep = (status) => (status?.mode?.toLowerCase() === "idle"
   ? `choose Goal${keyHint("G")} and click the map, or Arm to drive` : "");
+
+// Why the pose is lost, unless the robot drives: then its own reason is the more useful one.
+const lostPose = (status) => (status?.pose_lost && status.mode?.toLowerCase() !== "driving"
+  ? `pose lost: ${status.pose_lost}` : "");
 
 const boardState = ({ board, status }) => board?.state ?? status?.board_state;
 
