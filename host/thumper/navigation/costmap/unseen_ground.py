@@ -86,7 +86,7 @@ class UnseenGround:
     def _is_free(self, points_m: FloatArray, map_from_base: Pose2) -> NDArray[np.bool_]:
         """Return which points, shape (n, 2), the robot has been on or has found open several times."""
         free = self._outside_m(points_m, self._first or map_from_base) <= FIRST_EDGE_M
-        free |= self._outside_m(points_m, map_from_base) <= 0.0
+        free[~free] = self._was_under(points_m[~free], map_from_base)
         looks = np.zeros(len(points_m), np.int64)
         for visit in reversed(self._visits):
             left = np.flatnonzero(~free)
@@ -94,9 +94,21 @@ class UnseenGround:
                 break
             if visit.look is not None:
                 looks[left] += visit.look.is_open(points_m[left])
-            free[left] = looks[left] >= SILENT_LOOKS
-            free[left] |= self._outside_m(points_m[left], visit.map_from_base) <= 0.0
+                free[left] = looks[left] >= SILENT_LOOKS
         return free
+
+    def _was_under(self, points_m: FloatArray, map_from_base: Pose2) -> NDArray[np.bool_]:
+        """Return which points near the robot, shape (n, 2), it is on or has been on."""
+        poses = [visit.map_from_base for visit in self._visits]
+        near = [pose for pose in poses if pose.distance_m(map_from_base) <= self._near_m + self._turning_m]
+        x_m, y_m, theta_rad = np.array([(p.x_m, p.y_m, p.theta_rad) for p in (map_from_base, *near)]).T
+        dx_m, dy_m = points_m[:, :1] - x_m, points_m[:, 1:] - y_m
+        cos, sin = np.cos(theta_rad), np.sin(theta_rad)
+        ahead_m, left_m = cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m
+        inside = np.ones(ahead_m.shape, np.bool_)
+        for a, b, edge_m in self._half_planes:
+            inside &= a * ahead_m + b * left_m <= edge_m
+        return np.asarray(inside.any(axis=1))
 
     def beyond_slack(self, points_m: FloatArray, map_from_base: Pose2) -> FloatArray:
         """Return the points that are further from the robot than `SLACK_M`."""
