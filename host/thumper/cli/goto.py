@@ -1,7 +1,9 @@
 """`thumper goto`, `thumper stop`: send a running robot to a goal, or stop it."""
 
+import json
 import math
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -26,9 +28,27 @@ def _number(text: str) -> float:
     return float(text)
 
 
+def _places(context: typer.Context, incomplete: str) -> list[str]:
+    """Return what Tab offers: the places of the running robot's map; nothing without a robot."""
+    from thumper.common.errors import ThumperError
+    from thumper.maps.annotations import annotations_of
+
+    config, bus, robot = (context.params.get(name) for name in ("config", "bus", "robot"))
+    with suppress(ThumperError, ValueError), connect(config, bus or "", robot or "") as client:
+        if message := client.newest("annotations"):
+            places = annotations_of(json.loads(message.data)).places
+            return [place.name for place in places if place.name.startswith(incomplete)]
+    return []
+
+
 def goto(
     x: Annotated[
-        str, typer.Argument(metavar="X|PLACE", help="X in the map [m], or the name of a place.")
+        str,
+        typer.Argument(
+            metavar="X|PLACE",
+            help="X in the map [m], or the name of a place.",
+            autocompletion=_places,
+        ),
     ] = "",
     y: Annotated[float | None, typer.Argument(help="Y in the map [m].", parser=_number)] = None,
     heading: Annotated[

@@ -1,25 +1,33 @@
 """Tab completes the values of options and arguments."""
 
+import json
+from contextlib import closing
 from importlib.metadata import EntryPoint
 
 import pytest
 import typer.main
+from benchmarks.shared.live import free_port
 from serial.tools import list_ports
 from serial.tools.list_ports_common import ListPortInfo
 
+from thumper.bus.server import BusServer
 from thumper.cli.app import build_app
 from thumper.cli.bash_completion import whole_words
+from thumper.config.bus import BusOptions
+from thumper.maps.annotations import Annotations, SavedPlace
 from thumper.navigation.registry import PLANNERS
+from thumper.ros.to_ros import text
+from thumper.runtime.service.request_queue import RequestQueue
 from thumper_tuning.design.gains import RULE_NAMES
 
 
-def offered(command: str, option: str, typed: str = "") -> list[str]:
-    """Return what Tab offers for an option or argument of a command or subcommand."""
+def offered(command: str, option: str, typed: str = "", *before: str) -> list[str]:
+    """Return what Tab offers for an option or argument of a command or subcommand after other words."""
     of = typer.main.get_command(build_app())
     for word in command.split():
         of = of.commands[word]  # type: ignore[attr-defined]
     (parameter,) = [one for one in of.params if option in one.opts]
-    context = of.make_context(command, [], resilient_parsing=True)
+    context = of.make_context(command, list(before), resilient_parsing=True)
     return [item.value for item in parameter.shell_complete(context, typed)]
 
 
@@ -48,6 +56,16 @@ def test_planners_and_tuning_rules_are_offered() -> None:
     for command in ("tune", "tune design"):
         assert set(offered(command, "--rule")) == set(RULE_NAMES)
     assert offered("tune", "--rule", "mi") == ["migo", "migo-1.4"]
+
+
+def test_places_of_the_running_robot_are_offered() -> None:
+    address = f"127.0.0.1:{free_port()}"
+    assert offered("goto", "x", "k", "--bus", address) == []  # nothing runs there
+    places = (SavedPlace(name="kitchen", x_m=1.0, y_m=2.0), SavedPlace(name="desk", x_m=3.0, y_m=0.5))
+    with closing(BusServer("thumper", BusOptions(address=address), RequestQueue(), print)) as server:
+        server.publish("annotations", 0.0, text(json.dumps(Annotations(places=places).to_geojson())))
+        assert offered("goto", "x", "", "--bus", address) == ["kitchen", "desk"]
+        assert offered("goto", "x", "k", "--bus", address) == ["kitchen"]
 
 
 def test_a_plug_in_without_urls_offers_none(monkeypatch: pytest.MonkeyPatch) -> None:
