@@ -25,11 +25,11 @@ DOCKED = Pose2(x_m=-1.595 + DockOptions().distance_m, theta_rad=math.pi)
 
 
 @contextmanager
-def robot(name: str, **dock: float) -> Iterator[Service]:
+def robot(name: str, start: Pose2 = START, **dock: float) -> Iterator[Service]:
     config = RobotConfig(camera=CameraOptions(enabled=True), dock=DockOptions(**dock))  # type: ignore[arg-type]
-    mission = f"world=charging&x_m={START.x_m}&y_m={START.y_m}&yaw_deg={math.degrees(START.theta_rad)}"
+    mission = f"world=charging&x_m={start.x_m}&y_m={start.y_m}&yaw_deg={math.degrees(start.theta_rad)}"
     config = with_ports(config, board=f"sim://{name}/board?{mission}", lidar=f"sim://{name}/lidar")
-    with open_robot(config, START) as loop:
+    with open_robot(config, start) as loop:
         service = Service(loop, simulation(name))
         with patch("time.monotonic", service.wall_s):
             loop.wait_for_map()
@@ -75,6 +75,19 @@ def test_a_cancelled_approach_is_not_tried_again() -> None:
         service.run_cycles(30)
         assert service.mode == "idle"
         assert -0.5 < place(service).x_m < -0.4
+
+
+@pytest.mark.parametrize(("beside_m", "at_once"), [(0.12, True), (0.18, False)])
+def test_near_the_staging_pose_it_approaches_at_once(beside_m: float, at_once: bool) -> None:
+    """To drive 0.12 m to the side takes turns to and fro."""
+    start = DOCKED @ Pose2(x_m=-0.1 - DockOptions().staging_m, y_m=beside_m)
+    with robot(f"beside-staging-{beside_m:g}", start) as service:
+        service.put(RobotCommand(name="dock"))
+        tasks = set()
+        while place(service).distance_m(DOCKED.inverse() @ start) < 0.05 and "to the dock" not in tasks:
+            service.run_cycles(1)
+            tasks.add(service.robot.drive_manager.activity)
+        assert ("to the dock" not in tasks) == at_once
 
 
 def test_cancelled_while_looking_it_does_not_approach() -> None:

@@ -27,6 +27,8 @@ from thumper.runtime.state_estimator import RobotState
 
 FRAMES, LOOK_CYCLES = 8, 40  # to see before the approach and after it, and how long to wait for them
 STAGING_TOLERANCE_M, STAGING_TOLERANCE_RAD = 0.05, 0.1
+# As Nav2's dock_prestaging_tolerance: from here the approach needs no turns to and fro before it.
+PRESTAGING_M, PRESTAGING_SIDE_M, PRESTAGING_RAD = 0.5, 0.15, 0.35
 DOCKED_M, DOCKED_RAD = 0.008, 0.012
 NOT_IN_VIEW = "the dock's tag is not in view"
 NO_DOCK = "the tag is not in view, and the map has no place {place!r}: save it with the robot at the dock"
@@ -66,7 +68,7 @@ class Docking:
         if self._docked() is None:
             return replace(result, reached=False, reason=NO_DOCK.format(place=self.options.place))
         for _ in range(1 + self.options.retries):
-            result = (yield from self._go_to_staging()).after(result)
+            result = yield from self._go_to_staging(result)
             if not result.reached:
                 return result
             result = (yield from self._approach()).after(result)
@@ -79,14 +81,14 @@ class Docking:
         """Drive back to the staging pose."""
         return (yield from self._back_off())
 
-    def _go_to_staging(self) -> Step:
+    def _go_to_staging(self, result: DriveResult) -> Step:
         docked = self._docked()
-        state = self._state()
-        result: DriveResult | None = None
-        if docked is not None and docked.distance_m(state.map_from_base) < AT_DOCK_M:
-            result = yield from self._back_off()
+        if docked is not None and docked.distance_m(self._state().map_from_base) < AT_DOCK_M:
+            result = (yield from self._back_off()).after(result)
             if not result.reached:
                 return result
+        if self._may_approach():
+            return result
         docked = self._docked()
         assert docked is not None  # the tag was seen, or the place is known
         at = docked @ Pose2(x_m=-self.options.staging_m)
@@ -98,6 +100,18 @@ class Docking:
             heading_tolerance_rad=STAGING_TOLERANCE_RAD,
         )
         return (yield Leg(goal=goal, name="to the dock")).after(result)
+
+    def _may_approach(self) -> bool:
+        """Return whether the robot is so near to the staging pose that the approach ends at the dock."""
+        at = self._docked_from_base() if self.tracker.count else None
+        if at is None:
+            return False
+        from_staging = Pose2(x_m=at.x_m + self.options.staging_m, y_m=at.y_m, theta_rad=at.theta_rad)
+        return (
+            -PRESTAGING_M < from_staging.x_m < STAGING_TOLERANCE_M
+            and abs(from_staging.y_m) < PRESTAGING_SIDE_M
+            and abs(from_staging.theta_rad) < PRESTAGING_RAD
+        )
 
     def _approach(self) -> Step:
         """Approach once. A result with `navigation_failed` is worth another try."""
