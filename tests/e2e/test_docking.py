@@ -50,8 +50,15 @@ def said(service: Service, text: str) -> bool:
     return told(service, text) > 0
 
 
-def test_docks_and_undocks_with_the_motors_off_afterwards() -> None:
-    with robot("docks") as service:
+@pytest.mark.parametrize(
+    "start",
+    [
+        pytest.param(DOCKED @ Pose2(x_m=-DockOptions().staging_m), id="staging"),
+        pytest.param(START, id="further back", marks=pytest.mark.slow),
+    ],
+)
+def test_docks_and_undocks_with_the_motors_off_afterwards(start: Pose2) -> None:
+    with robot("docks", start) as service:
         assert service.ask("command", {"command": "dock"})["text"] == "docking"
         service.until(lambda: said(service, "docked: ") or said(service, "not docked"), max_cycles=1500)
         service.until(lambda: service.mode == "idle")

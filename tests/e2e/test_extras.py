@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.hil.campaign.samples import FILE
+from tests.variants import some_of
 from thumper.common.optional_packages import EXTRAS, missing_package
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
@@ -44,7 +45,9 @@ def test_missing_packages_are_named_with_the_install_command(
     assert [path.name for path in tmp_path.iterdir()] == ["c.toml"]
 
 
-@pytest.mark.parametrize("extra", sorted(EXTRAS.keys() - {"notebooks"}))  # JupyterLab is not installed
+@pytest.mark.parametrize(
+    "extra", some_of(sorted(EXTRAS.keys() - {"notebooks"}), 2)
+)  # JupyterLab is not installed
 def test_pip_takes_the_extra_from_the_installed_package(extra: str) -> None:
     """No index is asked: the packages of the extra, which are installed here, satisfy the command."""
     if not all(map(find_spec, EXTRAS[extra][1])):

@@ -32,9 +32,7 @@ def test_the_end_of_the_terminal_ends_the_drive_and_keeps_the_map(tmp_path: Path
 
 def test_a_robot_that_serves_saves_its_map_at_ctrl_c(tmp_path: Path) -> None:
     command = [str(THUMPER), "run", *SIM, "--bus", f"127.0.0.1:{free_port()}", "--out", str(tmp_path)]
-    process = subprocess.Popen(
-        [*END_WITH_PARENT, *command, "--speed", "5"], stdout=subprocess.PIPE, text=True
-    )
+    process = subprocess.Popen([*END_WITH_PARENT, *command], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     assert "is running" in process.stdout.readline()
     with pytest.raises(subprocess.TimeoutExpired):

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 from platformio.project.config import ProjectConfig
 
+from tests.variants import some_of
+
 FIRMWARE = Path(__file__).parents[3] / "firmware"
 PRINTED = Path(__file__).with_name("pio_run.txt").read_text(encoding="utf-8").splitlines()
 ENVIRONMENTS = ("trex", "trex_new", "nano", "nano_new")
@@ -34,7 +36,7 @@ def test_the_recorded_lines_have_the_flags_and_sources_of_platformio_ini(environ
     assert sorted(line.split()[-1] for line in compiles) == sorted(map(str, sources))
 
 
-@pytest.mark.parametrize("environment", ENVIRONMENTS)
+@pytest.mark.parametrize("environment", some_of(ENVIRONMENTS, 2))
 def test_the_replayed_lines_make_the_image_of_the_makefile(environment: str, tmp_path: Path) -> None:
     for folder in ("app", "board"):
         (tmp_path / environment / "src" / folder).mkdir(parents=True)
