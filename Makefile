@@ -85,6 +85,7 @@ reference: $(VENV)/.dev
 
 docs: firmware $(VENV)/.dev
 	@$(BIN)/zensical build --clean --strict
+	@$(BIN)/python scripts/search_weights.py site
 	@scripts/build-browser site $(BIN)/python
 	@echo 'The site is in site/: open site/index.html'
 
