@@ -16,6 +16,7 @@ def build_pages(folder: Path) -> Path:
     shutil.copytree(ROOT / "docs", folder / "docs")
     zensical = Path(sys.executable).with_name("zensical")
     subprocess.run([zensical, "build", "--strict"], cwd=folder, check=True, capture_output=True)
+    subprocess.run([sys.executable, ROOT / "scripts/search_weights.py", folder / "site"], check=True)
     return folder / "site"
 
 

@@ -143,6 +143,36 @@ def test_search_finds_what_to_do_with_a_lost_robot_without_a_server(browser: Bro
     context.close()
 
 
+@pytest.mark.parametrize(
+    ("words", "href"),
+    [
+        ("docking", r"howto/docking\.html"),
+        ("what is a costmap", r"explanation/navigation\.html.*#costmap$"),
+    ],
+)
+def test_search_puts_guides_before_results(browser: Browser, site: Path, words: str, href: str) -> None:
+    context = browser.new_context()
+    page = context.new_page()
+    page.goto((site / "index.html").as_uri())
+    page.get_by_role("button", name="Search").first.click()
+    page.keyboard.type(words, delay=50)
+    expect(page.locator("a[href*='?h=']").first).to_have_attribute("href", re.compile(href))
+    context.close()
+
+
+@pytest.mark.parametrize("name", ["reference/cli.html", "reference/options.html", "reference/bus.html"])
+def test_descriptions_of_tables_are_on_the_screen_of_a_phone(
+    browser: Browser, pages: Path, name: str
+) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.goto((pages / name).as_uri())
+    hidden = page.evaluate("""() => [...document.querySelectorAll("article td:last-child")]
+      .filter((cell) => cell.parentElement.cells.length === 4 && cell.getBoundingClientRect().right > 390)
+      .map((cell) => cell.innerText)""")
+    assert hidden == []
+    page.close()
+
+
 @pytest.mark.parametrize("width", [390, 1024, 1440])
 def test_first_page_fits_the_window_and_its_buttons_lead_on(
     browser: Browser, pages: Path, width: int
