@@ -11,8 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.slam_truth import LIDARS, PLACES, Place, drive
 
@@ -24,7 +23,7 @@ from thumper.maps.plot import draw_grid, save_figure
 from thumper.slam.factory import MappingOptions, Method, make_mapper
 from thumper.slam.mapper import Mapper
 
-IMAGES = ROOT / "docs" / "images"
+IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 DPI = 100
 VIEW_M = 3.6  # around the robot, to either side
 
