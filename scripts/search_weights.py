@@ -1,7 +1,7 @@
 """Lower the results in the search of the built site: a heading there counts as text, not as a title.
 
-Run: python scripts/search_weights.py SITE (part of `make docs`). The search puts titles before texts and knows
-no weights of pages, so 'Docking' of the results would come before the guide 'Dock at a charger'.
+Run: python scripts/search_weights.py SITE (part of `make docs`). The search puts titles before texts and
+knows no weights of pages, so 'Docking' of the results would come before the guide 'Dock at a charger'.
 """
 
 import json
