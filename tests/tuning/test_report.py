@@ -22,7 +22,7 @@ def drive(std_rad_s: float, seed: int) -> TrackingError:
 
 
 def test_the_printed_gains_have_units() -> None:
-    assert re.match(r"  kp +[\d.]+ PWM/\(rad/s\) +\(\d+ on the wire\)$", design_lines(DESIGN)[0])
+    assert re.match(r"  kp +[\d.]+ PWM/\(rad/s\) +\(stored as \d+\)$", design_lines(DESIGN)[0])
 
 
 def test_the_standard_error_is_the_spread_between_drives() -> None:

@@ -176,8 +176,9 @@ def calibrate_odometry(log: WheelLog, config: RobotConfig, out: Path, console: C
         f"radius_ratio = {calibrated.radius_ratio:g}\ntrack_m = {calibrated.track_m:g}\n",
     )
     console.print(f"wrote {path}; copy its values into the robot's configuration")
-    if round(1e3 * calibrated.wheel_radius_m) != round(1e3 * config.drive.wheel_radius_m):
-        console.print("note: the firmware uses the old radius; rebuild it with the new one")
+    radius_mm = round(1e3 * calibrated.wheel_radius_m)
+    if radius_mm != round(1e3 * config.drive.wheel_radius_m):
+        console.print(f"note: the board uses another radius; set its parameter wheel_radius to {radius_mm}")
     return found
 
 

@@ -192,7 +192,7 @@ def _table(header: list[str], rows: list[list[str]]) -> str:
 def _gains_table(design: Design, old: BoardGains | None) -> str:
     wire = design.gains.wire_values()
     return _table(
-        ["parameter", "before", "after", "unit", "on the wire"],
+        ["parameter", "before", "after", "unit", "stored as"],
         [
             [
                 name,
@@ -210,7 +210,7 @@ def _margins_table(design: Design, old: BoardGains | None) -> str:
     loops: list[tuple[str, LoopMargins]] = []
     if old is not None:
         loops.append(("before", SpeedLoop.of_board(design.plant, old.kp, old.ki).margins()))
-    loops += [("after", design.margins), ("after, worst case of the plant family", design.worst_case)]
+    loops += [("after", design.margins), ("after, worst case of battery and load", design.worst_case)]
     rows = [
         [
             name,

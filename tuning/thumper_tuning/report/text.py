@@ -12,6 +12,7 @@ from thumper_tuning.logs.motor_log import DriveUnit
 
 NOISE_SIGMAS = 2.0  # a smaller change of the tracking error is none
 USEFUL_SENSITIVITY_CHANGE = 0.1  # of Ms
+KIND_NAMES = {"random": "random switching"}
 MAX_QUIET_SENSITIVITY = 2.0  # a worst-case Ms up to this needs no warning
 
 
@@ -19,7 +20,10 @@ def motor_lines(motor: IdentifiedMotor) -> list[str]:
     """Return the identified parameters, one per line, and the warnings."""
     model, std = motor.model, motor.uncertainty
     unit = motor.unit.name if motor.unit is DriveUnit.PWM else motor.unit.value
-    kinds = ", ".join(f"{kind} {percent:.1f}" for kind, percent in motor.fit_percent_by_kind.items())
+    kinds = ", ".join(
+        f"{KIND_NAMES.get(kind, kind)} alone {percent:.1f}"
+        for kind, percent in motor.fit_percent_by_kind.items()
+    )
     directions = ", ".join(
         f"{direction} {found[0]:z.2f}" if found is not None else f"{direction} not determined"
         for direction, found in motor.friction_by_direction.items()
@@ -28,8 +32,8 @@ def motor_lines(motor: IdentifiedMotor) -> list[str]:
     if motor.fit.sensor_window_s is not None:
         window = [f"  sensor window    {motor.sensor_window_s:9.4f} +- {std.sensor_window_s:.4f} s"]
     return [
-        f"{motor.name}: predicts held-out speeds to {motor.validation.fit_percent:.1f} % "
-        f"(each stretch about its own mean: {kinds})",
+        f"{motor.name}: predicts held-out speeds to {motor.validation.fit_percent:.1f} %"
+        + (f" ({kinds})" if kinds else ""),
         f"  gain             {model.gain:9.5f} +- {std.gain:.5f} rad/s per {unit}",
         f"  time constant    {model.time_constant_s:9.4f} +- {std.time_constant_s:.4f} s",
         f"  static friction  {model.friction:z9.2f} +- {std.friction:.2f} {unit} ({directions})",
@@ -83,17 +87,19 @@ def design_lines(design: Design) -> list[str]:
     wire = design.gains.wire_values()
     margins, worst, step = design.margins, design.worst_case, design.step_info
     lines = [
-        f"  {name:13} {value:9.4f} {PARAMETER_SPECS[name].unit:20} ({wire[name]} on the wire)"
+        f"  {name:13} {value:9.4f} {PARAMETER_SPECS[name].unit:20} (stored as {wire[name]})"
         for name, value in design.gains.items()
     ]
     lines.append(
-        f"  Ms {margins.max_sensitivity:.2f} (worst of the family {worst.max_sensitivity:.2f}), gain margin "
-        f"{margins.gain_margin_dB:.1f} dB, phase margin {margins.phase_margin_deg:.0f} deg, delay margin "
-        f"{margins.delay_margin_s:.3f} s; PI alone: settles in {step.settling_time_s:.2g} s, overshoot "
-        f"{step.overshoot_percent:.0f} %"
+        f"  Ms {margins.max_sensitivity:.2f} (other battery or load: up to {worst.max_sensitivity:.2f}), "
+        f"gain margin {margins.gain_margin_dB:.1f} dB, phase margin {margins.phase_margin_deg:.0f} deg, "
+        f"delay margin {margins.delay_margin_s:.3f} s; PI alone: settles in {step.settling_time_s:.2g} s, "
+        f"overshoot {step.overshoot_percent:.0f} %"
     )
     if not worst.stable:
-        lines.append("  note: these gains make a plant of the family unstable; choose a smaller Ms")
+        lines.append(
+            "  note: with another battery or load these gains make the loop unstable; choose a smaller Ms"
+        )
     elif worst.max_sensitivity > MAX_QUIET_SENSITIVITY:
         lines.append(
             "  note: with another load or battery the loop comes near to ringing (worst Ms); "
