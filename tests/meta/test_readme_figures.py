@@ -49,8 +49,8 @@ def test_encoder_edges() -> None:
             "the robot's loop, navigation: share of a core",
             "{:.3f} in the demo",
         ),
-        ("[map, Intel", "slam", "slam, Intel: path error", "`slam` and `scan_match` {:.3f} m"),
-        ("[map, Intel", "slam", "scan_match, Intel: path error", "`slam` and `scan_match` {:.3f} m"),
+        ("[map, Intel", "slam", "slam, Intel: path error", "(`scan_match`): {:.3f} m"),
+        ("[map, Intel", "slam", "scan_match, Intel: path error", "(`scan_match`): {:.3f} m"),
     ],
 )
 def test_navigation_and_map(start: str, benchmark: str, what: str, text: str) -> None:
