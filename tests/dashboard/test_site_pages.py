@@ -113,6 +113,17 @@ def test_labels_of_a_drawing_touch_nothing(browser: Browser, name: str) -> None:
     page.close()
 
 
+def test_wiring_shows_the_resistor_before_pin_d13(browser: Browser) -> None:
+    page = browser.new_page()
+    page.set_content((DOCS / "images/wiring.svg").read_text(encoding="utf-8"))
+    resistor, pin = (page.get_by_text(text, exact=True).bounding_box() for text in ("1 kΩ", "D13"))
+    assert resistor is not None
+    assert pin is not None
+    assert abs(resistor["y"] - pin["y"]) < 2
+    assert resistor["x"] > pin["x"] + pin["width"]
+    page.close()
+
+
 def test_button_of_a_transcript_copies_its_commands_only(browser: Browser, pages: Path) -> None:
     context = browser.new_context(permissions=["clipboard-read", "clipboard-write"])
     page = context.new_page()
