@@ -23,6 +23,7 @@ export class DriveTrain {
     this.blocked = [false, false];
     this.track_m = params.body.track_m;
     this.held = null;  // direction of a contact, {v_m_s, w_rad_s}
+    this.slips = false;  // the wheels turn, and a contact holds the body
   }
 
   /** Advance by `dt_s`, a few milliseconds at most, with constant bridge commands. */
@@ -52,6 +53,7 @@ export class DriveTrain {
     const moves = !(this.held && this.pushesIntoContact(torque_Nm));
     const before = [...this.wheel_rad_s];
     this.moveWheels(torque_Nm, damping, moves, dt_s);
+    this.slips = !moves && this.wheel_rad_s.some((speed) => speed !== 0);
     const turned = before.map((speed, side) => 0.5 * (speed + this.wheel_rad_s[side]) * dt_s);
     turned.forEach((angle_rad, side) => (this.wheel_rad[side] += angle_rad));
     if (moves) this.moveBody(turned, dt_s);

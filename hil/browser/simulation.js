@@ -29,6 +29,7 @@ export class Simulation {
     this.twist = null;  // wanted by the driver; null lets the robot wander
     this.history = [];  // telemetry with names of state and fault, oldest first
     this.ms = 0;
+    this.slipped_at_ms = -Infinity;  // the newest contact in which the wheels slipped
     this.plug_in_at_ms = null;
     this.repaired = false;  // a fault is to be cleared
   }
@@ -41,10 +42,16 @@ export class Simulation {
     return this.robot.drive.pose;
   }
 
+  /** Whether a fault stopped the robot and nobody has driven it since. */
+  get waits() {
+    return this.twist === STILL;
+  }
+
   /** Advance by one millisecond; return the lidar's new points. */
   step() {
     this.robot.step();
     if (++this.ms === this.plug_in_at_ms) this.link.plugged = true;
+    if (this.robot.drive.slips) this.slipped_at_ms = this.ms;
     if (this.ms % CONTACT_MS === 0) this.contact.check(CONTACT_MS / 1000);
     return this.lidar.advance(this.robot.time_s, this.pose);
   }

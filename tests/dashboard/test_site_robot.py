@@ -70,11 +70,21 @@ def test_space_is_the_emergency_stop_and_does_not_scroll(front_page: Page) -> No
     wait(front_page, "now.left_speed > 1000")
     front_page.locator(".robot-room").focus()
     place = front_page.evaluate("window.scrollY")
+    hint = front_page.locator("[data-hint]")
+    expect(hint).to_have_text("It drives itself until you do.")
     front_page.keyboard.press("Space")
     wait(front_page, "now.state === 'FAULT' && now.fault === 'E_STOP' && now.left_pwm === 0")
     assert front_page.evaluate("window.scrollY") == place
+    expect(hint).to_have_text("The firmware stopped the motors. Press “Clear the fault”, then drive on.")
+    expect(front_page.locator("[data-how]")).to_be_hidden()
     front_page.get_by_role("button", name="Clear the fault", exact=True).click()
     wait(front_page, "now.state === 'DISARMED'")
+    expect(hint).to_have_text("Fault cleared: the robot arms when you drive.")
+    expect(front_page.locator("[data-how]")).to_be_visible()
+    front_page.keyboard.down("d")
+    expect(hint).to_have_text("You drive it now.")
+    wait(front_page, "now.state === 'CLOSED_LOOP'")
+    front_page.keyboard.up("d")
     front_page.get_by_role("button", name="Emergency stop").click()
     wait(front_page, "now.fault === 'E_STOP'")
 
@@ -175,6 +185,72 @@ def test_supervisor_stops_the_robot_and_the_page_names_the_fault(
     front_page.keyboard.down("s")
     wait(front_page, "now.left_speed < -1000 && now.right_speed < -1000")
     front_page.keyboard.up("s")
+
+
+@pytest.mark.parametrize(
+    ("button", "hint"),
+    [("cut", "Left encoder wire cut: now drive."), ("block", "Right wheels blocked: now drive.")],
+)
+def test_page_shows_what_is_broken_while_the_robot_stands(front_page: Page, button: str, hint: str) -> None:
+    wait(front_page, "true")
+    line, key = front_page.locator("[data-hint]"), front_page.locator(f"[data-break={button}]")
+    front_page.locator(".robot-room").focus()
+    front_page.keyboard.press("d")
+    expect(line).to_have_text("You drive it now.")
+    wait(front_page, "now.left_setpoint === 0 && now.left_speed === 0 && now.right_speed === 0")
+    expect(key).to_have_attribute("aria-pressed", "false")
+    for _ in range(2):
+        key.click()
+        expect(key).to_have_attribute("aria-pressed", "true")
+        expect(line).to_have_text(hint)
+        key.click()
+        expect(key).to_have_attribute("aria-pressed", "false")
+        expect(line).to_have_text("You drive it now.")
+    assert front_page.evaluate("document.getElementById('robot').simulation.newest.fault") == "NONE"
+
+
+def test_page_says_in_a_contact_that_the_wheels_slip(front_page: Page) -> None:
+    wait(front_page, "true")
+    line = front_page.locator("[data-hint]")
+    front_page.evaluate(
+        """() => {
+          const { simulation } = document.getElementById("robot");
+          simulation.robot.drive.pose = { x_m: 5.4, y_m: 2.4, yaw_rad: 0 };
+          simulation.twist = { v_m_s: 0, w_rad_s: 0 };
+        }"""
+    )
+    front_page.locator(".robot-room").focus()
+    front_page.keyboard.down("w")
+    expect(line).to_have_text("You drive it now.")
+    wait(front_page, "at.x_m > 5.7")
+    expect(line).to_have_text("Contact: the wheels slip, and their counts (dashed outline) run on.")
+    front_page.keyboard.up("w")
+    expect(line).to_have_text("You drive it now.")
+    assert front_page.evaluate("document.getElementById('robot').simulation.pose.x_m") > 5.7
+
+
+def test_button_back_to_top_covers_no_part_of_the_fault_on_a_phone(front_page: Page) -> None:
+    front_page.set_viewport_size({"width": 390, "height": 844})
+    front_page.locator(".robot-room").scroll_into_view_if_needed()
+    wait(front_page, "true")
+    front_page.get_by_role("button", name="Emergency stop").click()
+    box = front_page.locator(".robot-fault")
+    expect(box).to_be_visible()
+    place = front_page.evaluate("window.scrollY")
+    front_page.mouse.move(195, 300)
+    front_page.mouse.wheel(0, 200)
+    front_page.wait_for_function("place => window.scrollY === place + 200", arg=place)
+    front_page.mouse.wheel(0, -60)  # the theme shows its button on the way up
+    expect(front_page.locator(".md-top:not([hidden])")).to_have_count(1)
+    covered = box.evaluate(
+        """(box) => {
+          const { left, top, width, height } = box.getBoundingClientRect();
+          const share = [0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95];
+          return share.flatMap((x) => share.map((y) => [left + x * width, top + y * height]))
+            .filter(([x, y]) => !box.contains(document.elementFromPoint(x, y)));
+        }"""
+    )
+    assert covered == []
 
 
 def test_without_npm_one_line_says_so(tmp_path: Path) -> None:

@@ -5,21 +5,16 @@ import schema from "../build/protocol.json";
 import hex from "../../../firmware/build/thumper.hex";
 import { SIZE_M } from "../room.js";
 import { Simulation } from "../simulation.js";
+import { listenToBreaks, showBreaks } from "./breaks.js";
 import { Chart } from "./chart.js";
 import { run } from "./clock.js";
 import { listen } from "./driver.js";
 import { addGains } from "./gains.js";
+import { hint } from "./hint.js";
 import { RoomView } from "./room_view.js";
 import panel from "./panel.html";
 
 const STATES = { DISARMED: "disarmed", CLOSED_LOOP: "armed", MANUAL: "manual", FAULT: "fault" };
-const UNPLUGGED_MS = 1000;  // the button names it
-const BREAKS = {
-  cut: (simulation) => simulation.robot.cutEncoder(0, true),
-  block: (simulation) => (simulation.robot.drive.blocked[1] = true),
-  unplug: (simulation) => simulation.unplug(UNPLUGGED_MS),
-  drain: (simulation) => (simulation.robot.drive.battery.charge = 0.01),
-};
 
 /** Build the panel in an element and run the robot in it. */
 function start(element) {
@@ -31,8 +26,8 @@ function start(element) {
   element.simulation = simulation;  // for tests, and for those who look
 
   addGains(find(".robot-gains"), simulation.protocol, (name, value) => simulation.link.setParameter(name, value));
-  for (const button of element.querySelectorAll("[data-break]"))
-    button.addEventListener("click", () => BREAKS[button.dataset.break](simulation));
+  const breaks = element.querySelectorAll("[data-break]");
+  listenToBreaks(breaks, simulation);
   find(".robot-fault button").addEventListener("click", () => {
     simulation.repair();
     find(".robot-room").focus({ preventScroll: true });
@@ -51,6 +46,7 @@ function start(element) {
       room.draw(simulation);
       for (const chart of charts) chart.draw(simulation.history);
       showState(find, simulation, rate);
+      showBreaks(breaks, simulation);
     },
   );
 }
@@ -68,7 +64,8 @@ function chartsOf(find) {
   ];
 }
 
-function showState(find, { newest, pose, link }, rate) {
+function showState(find, simulation, rate) {
+  const { newest, pose, link } = simulation;
   if (!newest) return;
   find(".robot-stage").dataset.low = pose.y_m < SIZE_M[1] / 2;  // texts keep clear of the robot
   const text = (selector, content) => {
@@ -81,11 +78,13 @@ function showState(find, { newest, pose, link }, rate) {
   const broken = newest.fault !== "NONE";
   find(".robot-fault").hidden = !broken;
   find("[data-chip=state]").dataset.fault = broken || !link.plugged;
+  const remedy = !broken ? "" : newest.fault === "E_STOP" ? "Clear the fault" : "Repair and clear the fault";
+  text("[data-hint]", hint(simulation, remedy));
+  find("[data-how]").hidden = broken;
   if (!broken) return;
-  const { name, hint } = faults[newest.fault];
-  text(".robot-fault b", name);
-  text(".robot-fault span", hint);
-  text(".robot-fault button", newest.fault === "E_STOP" ? "Clear the fault" : "Repair and clear the fault");
+  text(".robot-fault b", faults[newest.fault].name);
+  text(".robot-fault span", faults[newest.fault].hint);
+  text(".robot-fault button", remedy);
 }
 
 start(document.getElementById("robot"));

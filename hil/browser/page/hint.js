@@ -1,0 +1,15 @@
+// The line under the flat: what happens now, if it is not seen, before the words on how to drive.
+import { BREAKS } from "./breaks.js";
+
+const SLIP_SHOWN_MS = 1000;
+
+/** Return the line's first sentences; `remedy` is the text of the button that clears a fault, empty without one. */
+export function hint(simulation, remedy) {
+  const { twist, waits, ms, slipped_at_ms } = simulation;
+  if (remedy) return `The firmware stopped the motors. Press \u201c${remedy}\u201d, then drive on.`;
+  if (ms - slipped_at_ms < SLIP_SHOWN_MS) return "Contact: the wheels slip, and their counts (dashed outline) run on.";
+  if (twist && twist.v_m_s === 0 && twist.w_rad_s === 0)
+    for (const part of Object.values(BREAKS)) if (part.hint && part.isBroken(simulation)) return part.hint;
+  if (waits) return "Fault cleared: the robot arms when you drive.";
+  return twist ? "You drive it now." : "It drives itself until you do.";
+}
