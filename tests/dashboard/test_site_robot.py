@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.dashboard.built_site import build_robot
+from tests.variants import some_of
 from thumper.board.fault_texts import FAULT_NAMES
 from thumper.board.messages import PARAMETERS, Fault
 
@@ -158,12 +159,15 @@ def test_page_says_that_the_cable_is_out_while_the_robot_is_disarmed(front_page:
 
 @pytest.mark.parametrize(
     ("button", "fault"),
-    [
-        ("cut", "STALL_LEFT"),
-        ("block", "STALL_RIGHT|OVER_CURRENT"),  # both within 0.3 s; the duty decides which one is first
-        ("unplug", "LINK_LOST"),
-        ("drain", "LOW_BATTERY"),
-    ],
+    some_of(
+        [
+            ("cut", "STALL_LEFT"),
+            ("unplug", "LINK_LOST"),
+            ("block", "STALL_RIGHT|OVER_CURRENT"),  # both within 0.3 s; the duty decides which one is first
+            ("drain", "LOW_BATTERY"),
+        ],
+        2,
+    ),
 )
 def test_supervisor_stops_the_robot_and_the_page_names_the_fault(
     front_page: Page, button: str, fault: str
