@@ -34,7 +34,7 @@ def parameters(
     """Show the parameters of a board, or set some of them and save them on it.
 
     It sets all or none. No other program may use the board meanwhile. `thumper tune` finds the gains.
-    `docs/reference/protocol.md` explains each parameter.
+    See `docs/reference/protocol.md` for each parameter.
 
     Examples:
 
