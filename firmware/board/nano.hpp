@@ -3,7 +3,7 @@
 
 #include "core/messages.hpp"
 
-/// Pin map of an Arduino Nano or Uno with a TB6612 or L298N driver. Wiring: docs/howto/porting.md.
+/// Pin map of an Arduino Nano or Uno with a TB6612 or L298N driver. Wiring: docs/howto/nano-uno.md.
 namespace pins {
 
 constexpr fw::Board kBoard = fw::Board::kNano;
