@@ -15,6 +15,7 @@ import { RoomView } from "./room_view.js";
 import panel from "./panel.html";
 
 const STATES = { DISARMED: "disarmed", CLOSED_LOOP: "armed", MANUAL: "manual", FAULT: "fault" };
+const STATE_TITLES = { CLOSED_LOOP: "The controllers drive the motors", MANUAL: "The motors are driven without controllers" };
 
 /** Build the panel in an element and run the robot in it. */
 function start(element) {
@@ -73,6 +74,7 @@ function showState(find, simulation, rate) {
     if (node.textContent !== content) node.textContent = content;
   };
   text("[data-chip=state]", link.plugged ? STATES[newest.state] : "no link");
+  find("[data-chip=state]").title = STATE_TITLES[newest.state] ?? "The motors are off";
   text("[data-chip=battery]", `${(newest.battery_mV / 1000).toFixed(1)} V`);
   text("[data-chip=rate]", `${rate.toFixed(1)} × real time`);
   const broken = newest.fault !== "NONE";
