@@ -49,6 +49,10 @@ def test_lost_pose_is_shown_with_its_reason(page: Page, robot: FakeRobot) -> Non
     robot.pose_lost = "several places look alike"
     expect(pose).to_have_text("lost")
     expect(reason).to_have_text("pose lost: several places look alike")
+    view = "document.querySelector('.tp-map').mapView"
+    points, x_m = page.evaluate(f"[{view}.data.trail.length, {view}.pose[0]]")
+    page.wait_for_function(f"Math.abs({view}.pose[0] - {x_m}) > 0.1")
+    assert page.evaluate(f"{view}.data.trail.length") == points  # guesses are no path
     robot.pose_lost = ""
     expect(pose).to_contain_text(" m")
 

@@ -240,6 +240,8 @@ def test_each_result_has_the_time_and_length_of_its_drive() -> None:
         (lambda robot: robot.forward(1.0, v_m_s=3.0), "forward: v_m_s: choose more than 0 and up to"),
         (lambda robot: robot.forward(1.0, v_m_s=-0.1), "v_m_s: choose more than 0"),
         (lambda robot: robot.turn(5), r"turn: 5: degrees or radians\? Pass deg=5 or rad=5"),
+        (lambda robot: robot.turn(rad=90), "turn: rad: 90 is more than a turn; pass deg=90"),
+        (lambda robot: robot.goto(0.5, 0.0, heading_deg=400), "heading_deg: choose -360 to 360 degrees"),
         (lambda robot: robot.turn(), "turn: deg, rad: choose other than 0"),
         (lambda robot: robot.turn(rad=1.0, deg=90), "turn: rad, deg: pass only one"),
         (lambda robot: robot.goto(0.5, 0.0, 90), "Pass heading_deg=90 or heading_rad=90"),

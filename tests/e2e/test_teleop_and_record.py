@@ -97,6 +97,12 @@ def test_a_held_key_drives_and_a_killed_program_stops(robot: Path, client: BusCl
         until(lambda: wheels[-1].state != State.MANUAL)
         assert wheels[-1].time_us - killed_us <= 600_000  # a command is valid for 0.3 s, plus two cycles
         until(lambda: wheels[-1].left_speed_mrad_s == wheels[-1].right_speed_mrad_s == 0)
+    with subprocess.Popen(process.args, stdin=theirs, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        while b"handy" not in process.stdout.read1():  # type: ignore[attr-defined]
+            pass
+        os.write(ours, b"q")
+        assert b"the robot is still armed; `thumper stop` switches the motors off" in process.stdout.read()
     os.close(ours)
     os.close(theirs)
 

@@ -83,6 +83,8 @@ def plan(
         raise ThumperError(
             "--batch has its own starts and goals: leave out --start, --goal and --png", exit_code=EXIT_USAGE
         )
+    if png is not None and png.suffix.lower() != ".png":
+        raise ThumperError(f"--png {png}: the name of a picture ends in .png", exit_code=EXIT_USAGE)
     grid = load_map(file)
     from thumper.cli.plan_queries import PlanQuery, QueryPlanner, read_queries, to_csv  # slow: kernels
     from thumper.config.robot import load_config
@@ -109,6 +111,8 @@ def plan(
         typer.echo(_json(options.planner, answers[0]) if as_json else _text(answers[0]))
         if png is not None:
             _draw(grid, query_planner.keepout, answers[0], png, f"{file.name}: {options.planner}")
+            if not as_json:
+                typer.echo(f"map and path are in {png}")
     if not all(answer.found for answer in answers):
         raise typer.Exit(1)
 

@@ -152,7 +152,7 @@ def mode_text(mapping: Mapping[str, str]) -> str:
     mode, lost = mapping["mode"], mapping["lost"]
     if mode != "mapping":
         mode += ", searching for the pose" if lost else ", pose found"
-    return "; ".join(filter(None, (mode, lost, mapping["map_doubt"])))
+    return "; ".join(filter(None, (mode, lost or mapping["map_doubt"])))
 
 
 def earth_text(mapping: Mapping[str, str]) -> str:

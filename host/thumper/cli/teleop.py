@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from thumper.teleop.teleop_loop import TeleopLoop
 
 LINE_PERIOD_S = 0.2
+ARMED = ("CLOSED_LOOP", "MANUAL")
 HELP = """r: arm, then hold a key to drive:   u i o    (or the arrow keys; with Shift: turbo)
                                     j k l    k stops
                                     m , .
@@ -56,7 +57,9 @@ def teleop(
     latest: dict[str, str] = {}
     with ExitStack() as stack:
         client = stack.enter_context(connect(config, bus, robot))
-        client.subscribe("status", lambda message: latest.update(status=status_text(message)))
+        client.subscribe(
+            "status", lambda message: latest.update(status=status_text(message), board=message.board_state)
+        )
         client.subscribe("events", lambda message: latest.update(event=message.msg))
         pad = _gamepad(stack) if gamepad else None
         terminal = stack.enter_context(raw_terminal())
@@ -77,6 +80,8 @@ def teleop(
             pass
         finally:
             print()
+        if latest.get("board") in ARMED:
+            print("the robot is still armed; `thumper stop` switches the motors off")
 
 
 def _drive(

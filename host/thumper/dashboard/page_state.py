@@ -145,6 +145,8 @@ class PageState:
         self._track.add(time_s, pose)
         self.map_from_base = pose
         here_m = pose.x_m, pose.y_m
+        if self._values.get("status", {}).get("pose_lost"):
+            return pose  # the robot has not driven from one guess to the next
         if not self._trail or math.dist(here_m, self._trail[-1]) > TRAIL_STEP_M:
             self._trail.append(here_m)
         return pose

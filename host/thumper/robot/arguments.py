@@ -82,7 +82,7 @@ def angle_rad(
     Raises
     ------
     ThumperError
-        It is given without a unit, or in both.
+        It is given without a unit, in both, or in radians and more than a turn: that means degrees.
     """
     if without_unit:
         value = f"{without_unit[0]!r}"
@@ -91,7 +91,12 @@ def angle_rad(
         raise wrong(call, f"{name}rad, {name}deg", "pass only one of them")
     if deg is not None:
         return math.radians(number(call, f"{name}deg", deg))
-    return None if rad is None else number(call, f"{name}rad", rad)
+    if rad is None:
+        return None
+    result = number(call, f"{name}rad", rad)
+    if abs(result) > math.tau:
+        raise wrong(call, f"{name}rad", f"{result:g} is more than a turn; pass {name}deg={result:g}")
+    return result
 
 
 def heading_rad(
@@ -99,8 +104,8 @@ def heading_rad(
 ) -> float | None:
     """Return a heading of up to a turn, given in radians or in degrees; None if it is not given."""
     result = angle_rad(call, without_unit, rad, deg, "heading_")
-    if rad is not None and result is not None and abs(result) > math.tau:  # many mean degrees
-        raise wrong(call, "heading_rad", f"{result:g} is more than a turn; pass heading_deg={result:g}")
+    if result is not None and abs(result) > math.tau:
+        raise wrong(call, "heading_deg", "choose -360 to 360 degrees")
     return result
 
 

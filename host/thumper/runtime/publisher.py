@@ -29,7 +29,9 @@ from thumper.runtime.drive.drive_manager import DriveManager
 from thumper.runtime.sensor_inputs import BLIND_S, SensorInputs
 from thumper.runtime.sensor_table import SILENT_S
 from thumper.runtime.state_estimator import RobotState
-from thumper.slam.mapper import HasParticles
+from thumper.slam.localization.amcl import Amcl
+from thumper.slam.mapper import HasParticles, Mapper
+from thumper.slam.mode_switch import SlamModeSwitch
 
 Sink = Callable[[str, float, Message], None]
 """Receives topic, time on the robot's clock [s] and message. Must neither block nor raise."""
@@ -100,6 +102,8 @@ class Publisher:
         self._silent: set[str] = set()  # names of sensors
         self._was_waiting = False
         self._pose_known_s, self._is_pose_lost = -math.inf, False
+        self._localizer: Amcl | None = None
+        self._searches = False  # the localizer is new, and has not found the pose
 
     def add_sink(self, sink: Sink) -> None:
         """Send all messages to `sink` from now on, and at once the newest message of each latched topic."""
@@ -151,7 +155,7 @@ class Publisher:
             self._publish_plans(drive_manager, output, state)
         self._publish_map(inputs, time_s)
         self._publish_events(inputs, drive_manager)
-        self._publish_localization(state)
+        self._publish_localization(inputs.estimator.mapper, state)
         self._publish_losses(inputs, state, drive_manager)
         status = self._status(inputs, drive_manager, state, timing)
         self._send("status", time_s, self.messages.status(status))
@@ -236,15 +240,19 @@ class Publisher:
             text = fault_line(fault) if fault else "fault cleared"
             self.publish_event(text, ERROR if fault else INFO, name="board")
 
-    def _publish_localization(self, state: RobotState) -> None:
-        """Say when the pose is lost for longer than a few scans, and when the robot has found it."""
+    def _publish_localization(self, mapper: Mapper, state: RobotState) -> None:
+        """Say when the pose is lost for longer than a few scans, and when it is found, also in a new map."""
+        localizer = mapper.localizer if isinstance(mapper, SlamModeSwitch) else None
+        if localizer is not self._localizer:
+            self._localizer, self._searches = localizer, localizer is not None
         if not state.lost:
             self._pose_known_s = state.time_s
         is_lost = state.time_s > self._pose_known_s + POSE_LOST_S
         if is_lost and not self._is_pose_lost:
             self.publish_event(f"pose lost: {state.lost}", WARN, name="localization")
-        elif self._is_pose_lost and not is_lost:
+        elif not state.lost and (self._is_pose_lost or self._searches):
             self.publish_event("pose found", name="localization")
+            self._searches = False
         self._is_pose_lost = is_lost
 
     def _publish_losses(self, inputs: SensorInputs, state: RobotState, drive_manager: DriveManager) -> None:

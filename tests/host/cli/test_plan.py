@@ -44,6 +44,16 @@ def test_path_as_text_json_and_picture(room: Path, planner: str, tmp_path: Path)
     assert (tmp_path / "p.png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_a_picture_is_named_and_ends_in_png(room: Path, tmp_path: Path) -> None:
+    ends = ("--start", 0, 1, "--goal", 3, 1)
+    code, text = call(room, *ends, "--png", tmp_path / "p.png")
+    assert code == 0
+    assert f"map and path are in {tmp_path / 'p.png'}" in text.replace("\n", "")
+    code, text = call(room, *ends, "--png", tmp_path / "p.xyz")
+    assert (code, text) == (2, f"--png {tmp_path / 'p.xyz'}: the name of a picture ends in .png")
+    assert not (tmp_path / "p.xyz").exists()
+
+
 def test_exits_with_1_without_a_path(room: Path) -> None:
     assert call(room, "--start", 0, 1, "--goal", 3, 1, "--planner", "carrot")[0] == 1
     code, text = call(room, "--start", 0, 1, "--goal", 1.52, 1)

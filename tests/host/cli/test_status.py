@@ -30,6 +30,14 @@ def test_it_shows_whether_the_pose_is_found(mode: str, lost: str, text: str) -> 
     assert mode_text({"mode": mode, "lost": lost, "map_doubt": ""}) == text
 
 
+def test_a_lost_pose_is_given_as_the_reason_once() -> None:
+    """The doubt about the map has the same cause."""
+    mapping = {"mode": "localizing", "lost": "it explains 38 %", "map_doubt": "is it the right one?"}
+    assert mode_text(mapping) == "localizing, searching for the pose; it explains 38 %"
+    mapping["lost"] = ""
+    assert mode_text(mapping) == "localizing, pose found; is it the right one?"
+
+
 @pytest.mark.parametrize(
     ("datum", "gps", "text"),
     [

@@ -123,6 +123,16 @@ def test_a_lost_pose_is_in_the_status_and_in_the_events(robot: RobotLoop) -> Non
     assert events[-1] == "pose found"
 
 
+def test_a_pose_found_at_once_in_a_loaded_map_is_an_event(robot: RobotLoop) -> None:
+    let_time_pass(robot)
+    assert isinstance(robot.mapper, SlamModeSwitch)
+    listener = Listener()
+    robot.publisher.add_sink(listener)
+    robot.mapper.localize_in(robot.mapper.grid(), None)
+    let_time_pass(robot)
+    assert [message.msg for topic, _, message in listener.received if topic == "events"] == ["pose found"]
+
+
 def test_map_changes_lead_from_each_map_to_the_next(robot: RobotLoop) -> None:
     listener = Listener()
     robot.publisher.add_sink(listener)

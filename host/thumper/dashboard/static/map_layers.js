@@ -69,16 +69,17 @@ export function drawPoints(context, camera, points, name, size) {
   }
 }
 
-export function drawLine(context, camera, points, name, width, dash = []) {
+export function drawLine(context, camera, points, name, width, longest_m = Infinity) {
   if (points.length < 4) return;
   context.strokeStyle = colour(name);
   context.lineWidth = width;
   context.lineJoin = "round";
-  context.setLineDash(dash);
   context.beginPath();
-  for (let k = 0; k + 1 < points.length; k += 2) context.lineTo(...camera.toScreen(points[k], points[k + 1]));
+  for (let k = 0; k + 1 < points.length; k += 2) {
+    const isJump = k > 0 && Math.hypot(points[k] - points[k - 2], points[k + 1] - points[k - 1]) > longest_m;
+    context[isJump ? "moveTo" : "lineTo"](...camera.toScreen(points[k], points[k + 1]));
+  }
   context.stroke();
-  context.setLineDash([]);
 }
 
 // Positions by GPS, x, y, x, y, ... [m], and the standard deviation of the newest one [m].

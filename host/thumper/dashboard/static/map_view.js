@@ -8,6 +8,8 @@ import { MapTools } from "./map_tools.js";
 import { on, state } from "./stream.js";
 
 const TRAIL_STEP_M = 0.03;
+const JUMP_M = 0.5; // between two poses: the estimate has jumped, the robot has not driven there
+const LOST_OPACITY = 0.35; // of a robot whose pose is lost
 const MAX_TRAIL_POINTS = 4000;
 
 class MapView {
@@ -81,8 +83,8 @@ class MapView {
   setPose(pose) {
     this.pose = pose;
     const trail = this.data.trail;
-    const hasMoved = trail.length === 0
-      || Math.hypot(pose[0] - trail.at(-2), pose[1] - trail.at(-1)) > TRAIL_STEP_M;
+    const hasMoved = !state.shown.status?.pose_lost && (trail.length === 0
+      || Math.hypot(pose[0] - trail.at(-2), pose[1] - trail.at(-1)) > TRAIL_STEP_M);
     if (hasMoved) trail.push(pose[0], pose[1]);
     if (trail.length > 2 * MAX_TRAIL_POINTS) trail.splice(0, 2);
     if (this.follow) [this.camera.x, this.camera.y] = pose;
@@ -154,7 +156,7 @@ class MapView {
     }
     if (visible.annotations) drawAnnotations(context, camera);
     layers.drawRuler(context, camera);
-    if (visible.trail) layers.drawLine(context, camera, data.trail, "trail", 2);
+    if (visible.trail) layers.drawLine(context, camera, data.trail, "trail", 2, JUMP_M);
     if (visible.gps) layers.drawGps(context, camera, data.gps, this.gpsStd_m);
     if (visible.particles) layers.drawParticles(context, camera, data.particles);
     const status = state.shown.status;
@@ -162,7 +164,11 @@ class MapView {
       if (visible.plan) layers.drawLine(context, camera, data.plan, "plan", 3);
       if (visible.local_plan) layers.drawLine(context, camera, data.local_plan, "local-plan", 3);
     }
-    if (visible.footprint && this.pose) layers.drawRobot(context, camera, this.pose, this.footprint);
+    if (visible.footprint && this.pose) {
+      context.globalAlpha = status?.pose_lost ? LOST_OPACITY : 1;
+      layers.drawRobot(context, camera, this.pose, this.footprint);
+      context.globalAlpha = 1;
+    }
     if (visible.scan && !this.isLost) layers.drawPoints(context, camera, data.scan, "scan", 3);
     if (status?.has_goal) {
       layers.drawArrow(context, camera, status.goal_x_m, status.goal_y_m,

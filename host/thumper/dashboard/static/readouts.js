@@ -143,6 +143,7 @@ function refresh() {
   flags.link = kind === "lost" ? "lost" : "up";
   flags.simulated = Boolean(status.simulated);
   flags.recording = Boolean(status.recording);
+  flags.poseLost = Boolean(state.shown.status?.pose_lost);
   flags.playback = Boolean(state.playback);
   flags.fault = Boolean(status.fault);
   flags.board = (kind === "lost" ? "" : boardState(values) ?? "").toLowerCase();
