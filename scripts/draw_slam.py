@@ -57,7 +57,7 @@ def draw_match(path: Path) -> None:
         axes = figure.add_subplot(1, 2, k + 1)
         draw_grid(axes, mapper.grid())
         axes.set_title(title, fontsize=10)
-        axes.plot(*_in_map(pose, hits_m).T, ".", color=RED, markersize=2.5)
+        axes.plot(*pose.apply(hits_m).T, ".", color=RED, markersize=2.5)
         axes.plot(pose.x_m, pose.y_m, "o", color=BLUE, markersize=7)
         axes.set_xlim(matched.x_m - VIEW_M, matched.x_m + VIEW_M)
         axes.set_ylim(matched.y_m - VIEW_M, matched.y_m + VIEW_M)
@@ -84,11 +84,6 @@ def draw_loop(path: Path) -> None:
 def _occupied_m(grid: OccupancyGrid) -> FloatArray:
     rows, cols = np.nonzero(grid.cells == OCCUPIED)
     return np.asarray(np.column_stack((cols, rows)) * grid.resolution_m + (grid.origin_x_m, grid.origin_y_m))
-
-
-def _in_map(pose: Pose2, points_m: FloatArray) -> FloatArray:
-    cos, sin = np.cos(pose.theta_rad), np.sin(pose.theta_rad)
-    return np.asarray(points_m @ np.array([[cos, sin], [-sin, cos]]) + (pose.x_m, pose.y_m))
 
 
 if __name__ == "__main__":
