@@ -5,6 +5,7 @@ import math
 import re
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,7 +21,9 @@ from thumper import Robot, ThumperError
 from thumper.board.messages import State
 from thumper.common.compile_progress import COMPILING
 from thumper.common.geometry import Pose2
+from thumper.maps.annotations import Annotations, SavedPlace, annotations_path, save_annotations
 from thumper.maps.map_server_io import load_map
+from thumper.runtime.requests import RobotCommand
 from thumper_hil.bench import Bench, simulation
 
 
@@ -162,6 +165,50 @@ def test_a_saved_map_stays_as_it_is(tmp_path: Path, lab: Robot) -> None:
         np.testing.assert_array_equal(robot.map.cells, load_map(path).cells)
 
 
+def test_saved_places_are_goals_by_their_names(tmp_path: Path, lab: Robot) -> None:
+    path = lab.save_map(tmp_path / "lab")
+    places = (
+        SavedPlace(name="kitchen", x_m=0.5, y_m=0.0, yaw_rad=math.pi / 2),
+        SavedPlace(name="hall", x_m=0.2, y_m=0.0),
+    )
+    save_annotations(Annotations(places=places), annotations_path(path))
+    with Robot("sim://", map=path) as robot:
+        result = robot.goto("Kitchen")
+        assert result.reached, result.reason
+        assert robot.pose.distance_m(Pose2(x_m=0.5)) < 0.12
+        assert robot.pose.heading_deg == pytest.approx(90.0, abs=15.0)
+        assert robot.goto("kitchen", heading_deg=0).reached
+        assert robot.pose.heading_deg == pytest.approx(0.0, abs=15.0)
+        assert robot.patrol(["hall", (0.4, 0.0)]).reached
+        with pytest.raises(ThumperError, match=r"goto: no place 'kitchn' .*; did you mean 'kitchen'\?"):
+            robot.goto("kitchn")
+        with pytest.raises(ThumperError, match=r"goto: no place 'garage' .* choose from: kitchen, hall"):
+            robot.goto("garage")
+
+
+def test_stop_ends_a_call_of_another_thread_and_no_later_one() -> None:
+    with Robot("sim://?world=hall") as robot:
+        robot.stop()  # nothing moves
+        threading.Timer(0.2, robot.stop).start()
+        result = robot.patrol([(0.4, 0.0), (0.0, 0.0)], rounds=1000, wait_s=10.0)
+        assert (result.reached, result.interrupted) == (False, True)
+        assert result.reason.endswith("cancelled")
+        assert robot.telemetry.state is State.DISARMED
+        robot._loop.request_queue.put(RobotCommand(name="cancel"))  # came just after the end of the call
+        assert robot.goto(0.2, 0.0).reached
+
+
+def test_a_wrong_attribute_names_the_right_one(lab: Robot) -> None:
+    for name, right in (
+        ("x_m", "pose.x_m"),
+        ("battery", "battery_V"),
+        ("ranges", "scan.ranges_m"),
+        ("backward", r"forward\(-0.3\)"),
+    ):
+        with pytest.raises(AttributeError, match=f"^Robot has no '{name}'; use {right}$"):
+            getattr(lab, name)
+
+
 def test_a_plot_is_a_picture(tmp_path: Path, lab: Robot) -> None:
     figure = lab.plot()
     assert figure.png()[:4] == b"\x89PNG"
@@ -172,7 +219,9 @@ def test_a_plot_is_a_picture(tmp_path: Path, lab: Robot) -> None:
 
 
 def test_the_robot_and_its_results_are_short_in_a_notebook(lab: Robot) -> None:
-    assert re.fullmatch(r"<Robot sim://robot\d+/\S+ at \(-?0\.\d+ m, .*, 7\.\d V, DISARMED>", repr(lab))
+    assert re.fullmatch(
+        r"<Robot sim://robot\d+ at \(-?0\.\d+ m, -?0\.\d+ m, -?\d+°\), 7\.\d V, disarmed>", repr(lab)
+    )
     assert repr(Robot("sim://")).endswith("not open>")
     assert re.fullmatch(
         r"<Telemetry: DISARMED, left 0\.00 rad/s, right 0\.00 rad/s, 7\.\d V>", repr(lab.telemetry)
@@ -246,6 +295,18 @@ def test_each_result_has_the_time_and_length_of_its_drive() -> None:
         (lambda robot: robot.turn(rad=1.0, deg=90), "turn: rad, deg: pass only one"),
         (lambda robot: robot.goto(0.5, 0.0, 90), "Pass heading_deg=90 or heading_rad=90"),
         (lambda robot: robot.goto(0.5, 0.0, heading_rad=90), "pass heading_deg=90"),
+        (lambda robot: robot.goto(0.5), "goto: y_m: is missing; pass x_m and y_m, or the name of a place"),
+        (lambda robot: robot.goto(cast("Any", None)), "goto: the goal: None is no place; pass a saved name"),
+        (lambda robot: robot.goto((0.5, 0.0, 90)), "goto: heading_rad: 90 is more than a turn"),
+        (lambda robot: robot.goto("kitchen"), "goto: 'kitchen': this map has no saved places; pass the map="),
+        (
+            lambda robot: cast("Any", robot).goto(0.5, 0.0, heading=90),
+            r"goto: got an unexpected keyword argument 'heading'; call goto\(x_m, y_m=None, \*, heading_rad=",
+        ),
+        (
+            lambda robot: cast("Any", robot).drive(0.2),
+            r"drive: too many positional .*; call drive\(\*",
+        ),
         (lambda robot: robot.show(), "not a notebook"),
         (lambda robot: robot.goto(0.5, 0.0, heading_rad=1.0, heading_deg=90), "pass only one"),
         (lambda robot: robot.patrol([]), "patrol: places: pass at least one"),
@@ -271,6 +332,7 @@ def test_invalid_numbers(call: Callable[[Robot], object], why: str, lab: Robot) 
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
+        ({"port": "sim://"}, r"Robot: .* argument 'port'; call Robot\(board='', \*, lidar="),
         ({"board": None}, "Robot: board, lidar: pass names of ports"),
         ({"board": "/dev/ttyNONE9"}, "there is no such port; is it plugged in?"),
         ({"board": "sim://?world=hal"}, "did you mean 'hall'?"),

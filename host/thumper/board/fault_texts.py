@@ -1,11 +1,17 @@
-"""What the board's refusals and faults mean, and how to fix them."""
+"""What the board's states, refusals and faults mean, and how to fix them."""
 
-from thumper.board.messages import AckStatus, Fault
+from thumper.board.messages import AckStatus, Fault, State
 
 UNREADABLE = (
     "its saved parameters are unreadable, or of another firmware version; `thumper tune` measures and saves "
     "the gains, the dashboard sets the others"
 )
+STATE_NAMES = {
+    State.DISARMED: "disarmed",
+    State.CLOSED_LOOP: "armed",
+    State.MANUAL: "manual",
+    State.FAULT: "fault",
+}
 REFUSAL_REASONS = {
     AckStatus.UNKNOWN_COMMAND: "it does not know this command; flash the firmware of this program's version",
     AckStatus.UNKNOWN_PARAMETER: (

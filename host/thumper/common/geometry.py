@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thumper.common.attribute_hints import HintedAttributes
+
 FloatArray = NDArray[np.float64]
 
 
@@ -19,7 +21,7 @@ def wrap_angle(angle_rad: float) -> float:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Pose2:
+class Pose2(HintedAttributes):
     """A pose in the plane. As a transform it maps points from the body's frame to the pose's frame."""
 
     x_m: float = 0.0  # forward, at the start

@@ -4,12 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thumper.common.attribute_hints import HintedAttributes
 from thumper.common.geometry import FloatArray
 from thumper.common.stamps import rounded_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Scan:
+class Scan(HintedAttributes):
     """Ranges in the laser frame; beam i points at angle_min + i * angle_increment.
 
     `ranges_m` has shape (n,), in the order of measurement. NaN is invalid, +inf means no return up to

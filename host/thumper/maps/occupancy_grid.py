@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from thumper.common.attribute_hints import HintedAttributes
 from thumper.common.geometry import FloatArray
 from thumper.maps.cell_changes import CellBox, RenderHistory, new_history
 
@@ -17,7 +18,7 @@ CellArray = NDArray[np.int8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class OccupancyGrid:
+class OccupancyGrid(HintedAttributes):
     """Cells, shape (rows, columns), int8: -1 unknown, else occupancy in percent (0 free ... 100 occupied).
 
     Row 0 is the smallest y, column 0 the smallest x: cell [row, col] covers

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.maps.annotations import Annotations
 from thumper.navigation.goal import check_place
 
 MAX_DURATION_S = 600.0
@@ -13,8 +14,11 @@ MAX_DISTANCE_M = 50.0
 PLACE_KEYS = {"x_m", "y_m", "heading_deg", "heading_rad"}
 
 
-class PatrolPlace(NamedTuple):
-    """Where a patrol goes."""
+Place = str | tuple[float, float] | tuple[float, float, float] | Mapping[str, float]
+
+
+class DrivePlace(NamedTuple):
+    """Where a drive goes."""
 
     x_m: float
     y_m: float
@@ -109,30 +113,44 @@ def heading_rad(
     return result
 
 
-def places(call: str, values: object) -> tuple[PatrolPlace, ...]:
-    """Return places: (x_m, y_m), (x_m, y_m, heading_rad), or a mapping of the arguments of `goto`."""
+def places(call: str, values: object, annotations: Annotations) -> tuple[DrivePlace, ...]:
+    """Return the places of a list, each as `place` returns it."""
     if not isinstance(values, Iterable) or isinstance(values, str | Mapping):
         raise wrong(call, "places", "pass a list, such as [(1.0, 0.0), (1.0, 1.0)]")
-    result = tuple(_place(call, value) for value in values)
+    result = tuple(place(call, "places", value, annotations) for value in values)
     if not result:
         raise wrong(call, "places", "pass at least one")
     return result
 
 
-def _place(call: str, value: object) -> PatrolPlace:
+def place(call: str, name: str, value: object, annotations: Annotations) -> DrivePlace:
+    """Return a place: that of a name, (x_m, y_m), (x_m, y_m, heading_rad), or a mapping as `goto` takes."""
+    if isinstance(value, str):
+        return _saved_place(call, value, annotations)
     names = ("x_m", "y_m", "heading_rad")
-    if isinstance(value, Sequence) and not isinstance(value, str) and 2 <= len(value) <= len(names):
+    if isinstance(value, Sequence) and 2 <= len(value) <= len(names):
         value = dict(zip(names, value, strict=False))
     if not (isinstance(value, Mapping) and {"x_m", "y_m"} <= set(value) <= PLACE_KEYS):
-        problem = f"{value!r} is no place; pass (x_m, y_m), or dict(x_m=1.0, y_m=0.0, heading_deg=90)"
-        raise wrong(call, "places", problem)
-    place = PatrolPlace(
+        cure = "pass a saved name, (x_m, y_m), or dict(x_m=1.0, y_m=0.0, heading_deg=90)"
+        raise wrong(call, name, f"{value!r} is no place; {cure}")
+    found = DrivePlace(
         number(call, "x_m", value["x_m"]),
         number(call, "y_m", value["y_m"]),
         heading_rad(call, (), value.get("heading_rad"), value.get("heading_deg")),
     )
-    check_place(f"{call}: places:", place.x_m, place.y_m)
-    return place
+    check_place(f"{call}: {name}:", found.x_m, found.y_m)
+    return found
+
+
+def _saved_place(call: str, name: str, annotations: Annotations) -> DrivePlace:
+    if not annotations.places:
+        problem = "this map has no saved places; pass the map= or session= of one that has"
+        raise wrong(call, repr(name), problem)
+    try:
+        saved = annotations.place(name)
+    except ThumperError as error:
+        raise ThumperError(f"{call}: {error}", exit_code=EXIT_USAGE) from None
+    return DrivePlace(saved.x_m, saved.y_m, saved.yaw_rad)
 
 
 def file_path(call: str, name: str, value: str | Path) -> Path:

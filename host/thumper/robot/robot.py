@@ -14,14 +14,16 @@ stop first. The map, the log and the last pose stay readable.
 """
 
 import atexit
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Never, Self
+from typing import TYPE_CHECKING, ClassVar, Never, Self
 
+from thumper.board.fault_texts import STATE_NAMES
 from thumper.board.messages import State, Telemetry
+from thumper.common.attribute_hints import HintedAttributes
 from thumper.common.errors import EXIT_NOT_THERE, EXIT_USAGE, ThumperError
 from thumper.common.geometry import Pose2, Twist2, wrap_angle
 from thumper.common.kinematics import WheelSpeeds
@@ -35,6 +37,7 @@ from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.costmap.local_model import ObstaclePoints
 from thumper.navigation.goal import Goal, check_place
 from thumper.robot import arguments
+from thumper.robot.call_hints import with_call_hints
 from thumper.robot.leg_log import LegLog
 from thumper.runtime.assembly import check_ports, collision_monitor, open_robot
 from thumper.runtime.drive import motions, tasks
@@ -43,8 +46,8 @@ from thumper.runtime.drive.tasks import Task
 from thumper.runtime.drive.waypoints import Waypoints
 from thumper.runtime.drive_log import DriveLog
 from thumper.runtime.drive_result import DriveResult
-from thumper.runtime.loop import RobotLoop
-from thumper.runtime.requests import GOAL_TOLERANCE_M, MAX_WAIT_S
+from thumper.runtime.loop import UNCONFIRMED, RobotLoop
+from thumper.runtime.requests import GOAL_TOLERANCE_M, MAX_WAIT_S, RobotCommand
 from thumper.runtime.state_estimator import RobotState
 from thumper.slam.saved_state import SavedSlamState, load_session, save_session
 
@@ -59,7 +62,8 @@ NOT_OPEN = "the robot is not open; use `with Robot(...) as robot:`, or robot.ope
 DISARM_CYCLES = 3  # telemetry from before the disarming may still arrive
 
 
-class Robot:
+@with_call_hints
+class Robot(HintedAttributes):
     """A robot on its ports, or a simulated one. Use it in a `with` statement, or `open` and `close` it.
 
         with Robot("sim://") as robot:
@@ -71,6 +75,8 @@ class Robot:
     `forward`, `turn`, `goto`, `patrol`, `explore`, `dock` and `undock` return a `DriveResult`. A drive that
     does not arrive raises nothing: `reached` is False and `reason` says why.
     """
+
+    _parts: ClassVar = {"pose": Pose2, "scan": Scan, "map": OccupancyGrid}
 
     def __init__(
         self,
@@ -116,6 +122,8 @@ class Robot:
         self._robot_loop: RobotLoop | None = None  # stays after `close`, to be read
         self._is_open = False
         self._live_figure: LiveFigure | None = None
+        self._is_busy = False  # a call runs
+        self._is_stopped = False  # by `stop`, since the last call
         self._target: Pose2 | None = None  # of the last simple motion
 
     def __enter__(self) -> Self:
@@ -167,15 +175,16 @@ class Robot:
         return load_annotations(annotations_path(path)) if path else Annotations()
 
     def __repr__(self) -> str:
-        port = self._config.board.port
+        port = self._config.board.port.partition("/board?")[0]  # of sim://robot1/board?lidar=ld19
         if self._robot_loop is None:
             return f"<Robot {port}: not open>"
         pose, telemetry = self._state.map_from_base, self._robot_loop.inputs.telemetry
-        place = f"at ({pose.x_m:z.2f} m, {pose.y_m:z.2f} m, {pose.heading_deg:z.0f} deg)"
+        place = f"at ({pose.x_m:z.2f} m, {pose.y_m:z.2f} m, {pose.heading_deg:z.0f}°)"
         if not self._is_open:
             return f"<Robot {port}: closed {place}>"
-        battery = f", {telemetry.battery_mV / 1000.0:.1f} V, {telemetry.state.name}" if telemetry else ""
-        return f"<Robot {port} {place}{battery}>"
+        if telemetry is not None:
+            place += f", {telemetry.battery_mV / 1000.0:.1f} V, {STATE_NAMES[telemetry.state]}"
+        return f"<Robot {port} {place}>"
 
     def forward(self, distance_m: float, *, v_m_s: float = 0.25, unseen: bool = False) -> DriveResult:
         """Drive straight by `distance_m`, backward if negative, and return the result.
@@ -255,8 +264,8 @@ class Robot:
 
     def goto(
         self,
-        x_m: float,
-        y_m: float,
+        x_m: float | arguments.Place,
+        y_m: float | None = None,
         *without_unit: Never,
         heading_rad: float | None = None,
         heading_deg: float | None = None,
@@ -264,29 +273,33 @@ class Robot:
     ) -> DriveResult:
         """Plan a path to a place in the map, drive there around obstacles and return the result.
 
-        Without a heading, any will do. The robot stops within `tolerance_m` of the place, 0.02...1. Time and
-        path length are those of this drive.
+        `goto(0.5, -0.5)` takes metres, `goto("kitchen")` a place that was saved with the map. A tuple or
+        mapping is a place as in `patrol`. Without a heading, any will do. The robot stops within
+        `tolerance_m` of the place, 0.02...1. Time and path length are those of this drive.
 
         Raises
         ------
         ThumperError
-            Before anything moves: a goal that the map already shows in or too near a wall, in a keep-out
-            zone, or more than 50 m away; a latched fault; an invalid number. If the robot sees the wall only
-            later, or the wall shuts the goal off, the result is not `reached`.
+            Before anything moves: an unknown place; a goal that the map already shows in or too near a wall,
+            in a keep-out zone, or more than 50 m away; a latched fault; an invalid number. If the robot sees
+            the wall only later, or the wall shuts the goal off, the result is not `reached`.
         """
-        x_m, y_m = arguments.number("goto", "x_m", x_m), arguments.number("goto", "y_m", y_m)
-        check_place("goto: the goal", x_m, y_m)
+        given_rad = arguments.heading_rad("goto", without_unit, heading_rad, heading_deg)
+        if y_m is None and isinstance(x_m, int | float):
+            raise arguments.wrong("goto", "y_m", "is missing; pass x_m and y_m, or the name of a place")
+        named = x_m if y_m is None else (x_m, y_m)
+        place = arguments.place("goto", "the goal", named, self._loop.annotations)
         goal = Goal(
-            x_m=x_m,
-            y_m=y_m,
-            theta_rad=arguments.heading_rad("goto", without_unit, heading_rad, heading_deg),
+            x_m=place.x_m,
+            y_m=place.y_m,
+            theta_rad=place.heading_rad if given_rad is None else given_rad,
             tolerance_m=arguments.between("goto", "tolerance_m", tolerance_m, *GOAL_TOLERANCE_M, "m"),
         )
         return self._carry_out(tasks.drive_to_goal(goal))
 
     def patrol(
         self,
-        places: Iterable[tuple[float, float] | tuple[float, float, float] | Mapping[str, float]],
+        places: Iterable[arguments.Place],
         *,
         rounds: int = 1,
         tolerance_m: float = 0.1,
@@ -294,8 +307,9 @@ class Robot:
     ) -> DriveResult:
         """Drive to all places in turn, `rounds` times; end at the first that is not reached.
 
-        A place is (x_m, y_m), (x_m, y_m, heading_rad), or dict(x_m=1.0, y_m=0.0, heading_deg=90). At each,
-        wait for `wait_s`, motors off. To do something else there, call `goto` in a loop.
+        A place is the name of a saved one, (x_m, y_m), (x_m, y_m, heading_rad), or dict(x_m=1.0, y_m=0.0,
+        heading_deg=90). At each, wait for `wait_s`, motors off. To do something else there, call `goto` in a
+        loop.
 
         Raises
         ------
@@ -307,7 +321,7 @@ class Robot:
         tolerance_m = arguments.between("patrol", "tolerance_m", tolerance_m, *GOAL_TOLERANCE_M, "m")
         goals = [
             Goal(x_m=place.x_m, y_m=place.y_m, theta_rad=place.heading_rad, tolerance_m=tolerance_m)
-            for place in arguments.places("patrol", places)
+            for place in arguments.places("patrol", places, self._loop.annotations)
         ]
         wait_s = arguments.between("patrol", "wait_s", wait_s, 0.0, MAX_WAIT_S, "s")
         waypoints = Waypoints.at(*goals, rounds=rounds, wait_s=wait_s)
@@ -357,6 +371,23 @@ class Robot:
         if not docking.is_possible:
             raise ThumperError("dock: there is no camera; set [camera] enabled = true", exit_code=EXIT_USAGE)
         return docking
+
+    def stop(self) -> None:
+        """Stop and switch the motors off; from another thread, end the call that drives.
+
+        That call then returns a result that is not `reached`. No call leaves the motors on, so between calls
+        there is nothing to stop.
+
+        Raises
+        ------
+        ThumperError
+            The robot is not open, or its board did not confirm the stop.
+        """
+        self._is_stopped = True
+        if self._is_busy:
+            self._loop.request_queue.put(RobotCommand(name="cancel"))
+        elif not self._loop.stop():
+            raise ThumperError(UNCONFIRMED, exit_code=EXIT_NOT_THERE)
 
     def wait(self, duration_s: float = 1.0) -> None:
         """Stay stationary and continue mapping for a while.
@@ -529,8 +560,14 @@ class Robot:
     def _run(self, task: Task) -> DriveResult:
         """Carry out a task; raise KeyboardInterrupt, as any Python code would, if Ctrl-C ended it."""
         forget_interrupts()  # those that the script has caught
-        result = self._loop.run(task, LegLog())
-        if result.interrupted:
+        loop = self._loop
+        loop.request_queue.take_all()  # a `stop` that came after the last call had ended
+        self._is_busy, self._is_stopped = True, False
+        try:
+            result = loop.run(task, LegLog())
+        finally:
+            self._is_busy = False
+        if result.interrupted and not self._is_stopped:
             raise KeyboardInterrupt
         return result
 

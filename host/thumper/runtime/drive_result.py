@@ -3,11 +3,12 @@
 from dataclasses import dataclass, replace
 from typing import Self
 
+from thumper.common.attribute_hints import HintedAttributes
 from thumper.common.geometry import Pose2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class DriveResult:
+class DriveResult(HintedAttributes):
     """How a drive to a goal ended."""
 
     reached: bool  # whether the robot arrived

@@ -1,0 +1,43 @@
+"""Errors for calls of `Robot` with arguments that do not exist: they show how it is called."""
+
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
+from thumper.common.errors import EXIT_USAGE, ThumperError
+
+P = ParamSpec("P")
+ResultT = TypeVar("ResultT")
+KindT = TypeVar("KindT")
+
+
+def with_call_hints(kind: type[KindT]) -> type[KindT]:
+    """Return a class whose public methods, and which itself, raise ThumperError when called wrongly."""
+    for name, method in list(vars(kind).items()):
+        if inspect.isfunction(method) and (name == "__init__" or not name.startswith("_")):
+            setattr(kind, name, _checked(method, kind.__name__ if name == "__init__" else name))
+    return kind
+
+
+def _checked(method: Callable[P, ResultT], name: str) -> Callable[P, ResultT]:
+    signature = inspect.signature(method)
+
+    @wraps(method)
+    def call(*args: P.args, **kwargs: P.kwargs) -> ResultT:
+        try:
+            signature.bind(*args, **kwargs)
+        except TypeError as error:
+            raise ThumperError(f"{name}: {error}; call {name}{_usage()}", exit_code=EXIT_USAGE) from None
+        return method(*args, **kwargs)
+
+    def _usage() -> str:
+        """Return the arguments without types."""
+        shown = [
+            one.replace(annotation=one.empty)
+            for one in list(signature.parameters.values())[1:]
+            if one.kind is not one.VAR_POSITIONAL  # it is refused
+        ]
+        return str(inspect.Signature(shown))
+
+    return call
