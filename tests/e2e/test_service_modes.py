@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.e2e.service import FAR, NEAR, Service
-from thumper.runtime.requests import GoTo
+from thumper.runtime.requests import GoTo, SetPose
 from thumper.runtime.service import slam_mode
 from thumper.slam.mode_switch import SlamModeSwitch
 
@@ -32,6 +32,10 @@ def test_a_stationary_robot_switches_modes(service: Service) -> None:
     service.until(lambda: service.mode == "idle")
     assert service.ask("mission/state")["state"] == "reached"
     assert mapper.grid() is frozen
+    assert service.robot.drive_manager.reason.startswith("at the goal")
+    service.put(SetPose(map_from_base=service.robot.map_and_pose()[1]))
+    service.until(lambda: service.robot.drive_manager.reason == "")  # a new pose: the drive is over
+    service.until(lambda: mapper.quality().lost == "")
     assert command(service, "relocalize")["ok"]
     mapper.relocalize()
     assert slam_mode.change(mapper, "localize").endswith(

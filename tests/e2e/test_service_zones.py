@@ -157,7 +157,9 @@ def test_a_map_is_saved_under_a_name_and_loaded_again(
     service.put(RobotCommand(name="cancel"))
     service.until(lambda: service.mode == "idle")
     before = robot.map_and_pose()[1]
+    assert robot.drive_manager.reason == "cancelled"
     assert "searches" in service.ask("library/load", {"name": "flat"})["text"]
+    assert robot.drive_manager.reason == ""  # the drive was in another map
     assert "uses the map" in service.ask("library/delete", {"name": "flat"})["error"]
     assert "uses the map" in service.ask("library/rename", {"name": "flat", "new_name": "attic"})["error"]
     assert robot.annotations.find("rug") is not None

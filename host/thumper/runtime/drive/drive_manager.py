@@ -147,6 +147,11 @@ class DriveManager:
         if self.mode is DriveMode.IDLE:
             self.reason = "fault cleared"
 
+    def forget_reason(self) -> None:
+        """Forget why the last drive ended: the map or the pose has changed since."""
+        if self.mode is DriveMode.IDLE:
+            self.reason = ""
+
     def stop(self, reason: str) -> None:
         """Cancel the drive, if there is one; slow down to a stop, then switch the motors off."""
         self._cancel_drive(reason, by_user=True)

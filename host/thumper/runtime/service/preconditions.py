@@ -32,7 +32,11 @@ class Preconditions:
             raise ThumperError(f"the robot must be stationary to {action}: stop it first")
 
     def switch_motors_off(self, reason: str) -> None:
-        """Switch the motors of an armed robot off: what follows may take longer than the board's time-out."""
+        """Switch the motors of an armed robot off: what follows may take longer than the board's time-out.
+
+        What follows also changes the map or its use, so why an earlier drive ended is outdated.
+        """
+        self.drive_manager.forget_reason()
         if self.drive_manager.mode is DriveMode.HOLDING:
             self.drive_manager.disarm(reason)
 

@@ -335,6 +335,7 @@ class RequestHandler:
         if not isinstance(mapper, Relocalizable):
             raise ThumperError("this mapping method cannot change the pose; pass it to `thumper run --start`")
         mapper.set_pose(request.map_from_base)
+        self._preconditions.drive_manager.forget_reason()
         self._publisher.publish_event("pose set")
 
 
