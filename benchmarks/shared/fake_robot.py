@@ -81,6 +81,7 @@ class FakeRobot:
     battery_V: float = 7.62
     reason: str = ""  # empty: that of its goal
     pose_lost: str = ""
+    localization: str = "mapping"
     received: list[tuple[float, Request]] = field(default_factory=list)
     parameters: dict[str, float] = field(default_factory=dict)
     simulated_faults: dict[str, Any] = field(default_factory=dict)
@@ -118,6 +119,7 @@ class FakeRobot:
         if self.annotations:
             self.annotate(Annotations())
         self.reason = self.pose_lost = ""
+        self.localization = "mapping"
         self.goal, self.recording, self.battery_V, self.lidar_scans = None, False, 7.62, 567
         self.recording_paused = False
         self.state = State.CLOSED_LOOP
@@ -366,6 +368,7 @@ class FakeRobot:
             link_errors=2,
             lidar_scans=self.lidar_scans,
             pose_lost=self.pose_lost,
+            localization=self.localization,
         )
 
     def _send(self, topic: str, message: Any) -> None:

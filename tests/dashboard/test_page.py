@@ -6,11 +6,13 @@ from typing import Literal
 import pytest
 from benchmarks.shared.browser import Server, open_page
 from benchmarks.shared.fake_robot import FakeRobot
+from benchmarks.shared.live import until
 from playwright.sync_api import Browser, Page, expect
 
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
 from thumper.dashboard.page import page_title
+from thumper.runtime.requests import SetPose
 
 NUMBER = re.compile(r"^-?\d+\.\d\d$")
 
@@ -46,7 +48,7 @@ def test_status_names_the_experiment_that_drives(page: Page, robot: FakeRobot) -
 def test_lost_pose_is_shown_with_its_reason(page: Page, robot: FakeRobot) -> None:
     pose, reason = page.locator("[data-field=pose]"), page.locator("[data-field=reason]")
     expect(pose).to_contain_text(" m")
-    robot.pose_lost = "several places look alike"
+    robot.pose_lost, robot.localization = "several places look alike", "pose lost"
     expect(pose).to_have_text("lost")
     expect(reason).to_have_text("pose lost: several places look alike")
     view = "document.querySelector('.tp-map').mapView"
@@ -55,6 +57,45 @@ def test_lost_pose_is_shown_with_its_reason(page: Page, robot: FakeRobot) -> Non
     assert page.evaluate(f"{view}.data.trail.length") == points  # guesses are no path
     robot.pose_lost = ""
     expect(pose).to_contain_text(" m")
+
+
+def test_header_shows_the_state_of_localization(page: Page, robot: FakeRobot) -> None:
+    chip, notice = page.locator(".tp-header .tp-localization"), page.locator(".tp-notice")
+    expect(chip).to_contain_text("mapping")
+    expect(page.locator(".tp-lost")).to_be_hidden()
+    robot.pose_lost, robot.localization = "the whole map is searched for the pose", "searching"
+    expect(chip).to_contain_text("searching")
+    expect(page.locator("[data-field=reason]")).to_have_text(
+        "searching: the whole map is searched for the pose"
+    )
+    expect(page.locator(".tp-lost")).to_contain_text("searching for the pose")
+    expect(notice).to_have_count(0)
+    robot.pose_lost, robot.localization = "", "localized"
+    expect(chip).to_contain_text("localized")
+    expect(notice).to_have_text("pose found: the robot is localized in the map")
+    robot.pose_lost, robot.localization = "the map explains only 12 % of the scan", "pose lost"
+    expect(chip).to_have_css("background-color", "rgb(207, 34, 46)")
+    expect(notice).to_have_text("pose lost: the map explains only 12 % of the scan")  # alone
+    page.reload()
+    expect(page.locator(".tp-lost")).to_be_visible()
+    expect(notice).to_have_count(0)  # the state has not changed
+
+
+def test_page_of_a_robot_that_lost_its_pose_says_how_to_set_it(page: Page, robot: FakeRobot) -> None:
+    robot.pose_lost, robot.localization = "carried away", "pose lost"
+    box, tool = page.locator(".tp-lost"), page.locator(".tp-toolbar [data-tool=pose]")
+    expect(box).to_contain_text("To set the pose, press on the map where the robot is")
+    expect(tool).not_to_have_css("box-shadow", "none")
+    box.get_by_role("button", name="Set pose").click()
+    expect(tool).to_have_class("on")
+    expect(box.get_by_role("button")).to_be_hidden()  # the sentence stays, and lets clicks through
+    place = box.bounding_box()
+    assert place is not None
+    page.mouse.click(place["x"] + 20, place["y"] + 20)
+    until(lambda: robot.received_of(SetPose))
+    robot.localization = "pose lost while mapping"  # then the map takes no pose
+    expect(box).to_be_hidden()
+    expect(page.locator(".tp-localization")).to_contain_text("pose lost")
 
 
 def test_fault_is_shown_with_its_fix(page: Page, robot: FakeRobot) -> None:

@@ -47,6 +47,10 @@ def test_all_text_can_be_read(
         robot.state = state
         page.wait_for_function(f"document.body.dataset.board === '{state.name.lower()}'")
         problems[state.name] = page.evaluate(POOR)
+    for localization in ("searching", "pose lost"):
+        robot.localization = robot.pose_lost = localization
+        page.wait_for_function(f"document.body.dataset.localization === '{localization.replace(' ', '_')}'")
+        problems[localization] = page.evaluate(POOR)
     for tab in TABS:
         page.click(f".tp-tab-{tab}")
         page.wait_for_timeout(300)  # Quasar fades the tab

@@ -81,6 +81,7 @@ def build_page(options: PageOptions, robot: QueryClient) -> None:
             with box("tp-mapbox"):
                 Widget("map", {"footprint": options.footprint_m}).classes("tp-map")
                 _faultbox()
+                _lostbox()
             _state_line()
             Widget("charts").classes("tp-wheels")
         with box("tp-right"):
@@ -99,6 +100,8 @@ def _header(options: PageOptions, dark: ui.dark_mode) -> None:
             _chip("battery_full", "battery", "Battery").classes("tp-battery")
             _chip("satellite_alt", "gps_fix", "Fix and accuracy of the GPS").classes("tp-of-gps")
             _chip("memory", "board_state", "Motor board").classes("tp-board")
+            title = "Localization: mapping; or in a saved map searching, localized, or pose lost"
+            _chip("my_location", "localization", title).classes("tp-localization")
             _chip("lan", "rtt", "Round-trip time of this page").classes("tp-wide")
         with button("tp-record", {"data-record": ""}, "Start or stop the recording"):
             inline('<i class="tp-dot"></i><span>REC</span>')
@@ -140,6 +143,15 @@ def _faultbox() -> None:
             _field("fault_cure").classes("tp-fault-cure")
             inline("<p>Clear the fault when it is safe. Then arm the robot, or set a goal.</p>")
             _command_button("Clear fault", {"kind": "command", "name": "clear_fault"}, "tp-plain")
+
+
+def _lostbox() -> None:
+    with box("tp-lost").props("role=status"):
+        with box(""):
+            _field("lost_words").classes("tp-lost-words")
+            inline("<p>To set the pose, press on the map where the robot is and drag along its heading.</p>")
+        with button("tp-plain", {"data-select-tool": "pose"}):
+            inline("<span>Set pose</span>")
 
 
 def _tabs(robot: QueryClient) -> None:

@@ -57,6 +57,7 @@ uint32 lidar_errors
 uint32 lidar_restarts
 string sensors
 string pose_lost
+string localization
 """
 
 # The cells of the map in a box. `before` is the stamp of the map that it changes; zero if it changes none.

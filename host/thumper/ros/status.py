@@ -35,3 +35,4 @@ class Status:
     lidar_restarts: int = 0
     sensors: str = ""  # the others: name, samples, errors and restarts of each
     pose_lost: str = ""  # why the pose cannot be trusted; empty if it can
+    localization: str = ""  # mapping, searching, localized, pose lost, pose lost while mapping

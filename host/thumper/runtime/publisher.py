@@ -104,6 +104,7 @@ class Publisher:
         self._pose_known_s, self._is_pose_lost = -math.inf, False
         self._localizer: Amcl | None = None
         self._searches = False  # the localizer is new, and has not found the pose
+        self._localization = "mapping"  # as in `Status`
 
     def add_sink(self, sink: Sink) -> None:
         """Send all messages to `sink` from now on, and at once the newest message of each latched topic."""
@@ -254,6 +255,12 @@ class Publisher:
             self.publish_event("pose found", name="localization")
             self._searches = False
         self._is_pose_lost = is_lost
+        if self._searches:
+            self._localization = "searching"
+        elif is_lost:
+            self._localization = "pose lost" if localizer else "pose lost while mapping"
+        else:
+            self._localization = "mapping" if localizer is None else "localized"
 
     def _publish_losses(self, inputs: SensorInputs, state: RobotState, drive_manager: DriveManager) -> None:
         """Say when a sensor falls silent and when it sends again, and why a drive waits."""
@@ -319,6 +326,7 @@ class Publisher:
                 filter(None, (*(feed.summary(state.time_s) for feed in inputs.feeds), self.objects))
             ),
             pose_lost=state.lost,
+            localization=self._localization,
         )
 
     def _send(self, topic: str, time_s: float, message: Message) -> None:

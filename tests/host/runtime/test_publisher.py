@@ -16,6 +16,7 @@ from thumper.ros.from_ros import map_change_of
 from thumper.ros.to_ros import text
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.loop import RobotLoop
+from thumper.slam.localization.amcl import Amcl
 from thumper.slam.mode_switch import SlamModeSwitch
 
 PAUSE_S = 5.0
@@ -103,7 +104,9 @@ def test_an_event_is_stamped_when_it_happens(robot: RobotLoop) -> None:
     assert message.stamp.sec + 1e-9 * message.stamp.nanosec == pytest.approx(later_s, abs=1e-6)
 
 
-def test_a_lost_pose_is_in_the_status_and_in_the_events(robot: RobotLoop) -> None:
+def test_a_lost_pose_is_in_the_status_and_in_the_events(
+    robot: RobotLoop, monkeypatch: pytest.MonkeyPatch
+) -> None:
     let_time_pass(robot)
     assert isinstance(robot.mapper, SlamModeSwitch)
     own_map = robot.mapper.grid()
@@ -118,9 +121,15 @@ def test_a_lost_pose_is_in_the_status_and_in_the_events(robot: RobotLoop) -> Non
     lost = [message.pose_lost for topic, _, message in listener.received if topic == "status"]
     assert any(lost)
     assert lost[-1] == ""
+    states = [message.localization for topic, _, message in listener.received if topic == "status"]
+    assert list(dict.fromkeys(states)) == ["searching", "localized"]
     events = [message.msg for topic, _, message in listener.received if topic == "events"]
     assert events[0].startswith("pose lost: ")
     assert events[-1] == "pose found"
+    monkeypatch.setattr(Amcl, "_lost", lambda _: "carried away")
+    let_time_pass(robot)
+    states = [message.localization for topic, _, message in listener.received if topic == "status"]
+    assert states[-1] == "pose lost"
 
 
 def test_a_pose_found_at_once_in_a_loaded_map_is_an_event(robot: RobotLoop) -> None:

@@ -64,6 +64,12 @@ function removeNotices(start) {
   for (const notice of document.querySelectorAll(".tp-notice")) if (notice.textContent.startsWith(start)) notice.remove();
 }
 
+function showLocalization(now, reason) {
+  removeNotices("pose ");
+  if (now === "localized") notify("pose found: the robot is localized in the map", "good");
+  if (now.startsWith("pose lost")) notify(`pose lost: ${reason}`, "bad");
+}
+
 export function startCommands() {
   on("connected", (connected) => { if (connected) sendWaitingStop(); });
   on("server:beat", ({ n }) => { if (n >= answeredBy) sessionStorage.removeItem(WAITING_STOP); });
@@ -115,6 +121,12 @@ export function startCommands() {
         notify(text, text.startsWith("not back") ? "bad" : "good");
       }
     }
+  });
+  let localization = "";
+  on("status", ({ localization: now, pose_lost: reason }) => {
+    if (now === localization) return;
+    if (localization && !state.playback) showLocalization(now, reason);
+    localization = now;
   });
   on("server:refused", ({ text }) => notify(text, "bad"));
   on("server:note", ({ text }) => notify(text, "good"));

@@ -30,7 +30,7 @@ const SENSOR_FIELDS = {
 };
 
 // What a playback shows of the recording.
-const DRAWN = new Set(["mode", "reason", "distance", "pose", "heading", ...Object.keys(SENSOR_FIELDS)]);
+const DRAWN = new Set(["mode", "reason", "localization", "distance", "pose", "heading", ...Object.keys(SENSOR_FIELDS)]);
 
 const isMissing = (value) => value === null || value === undefined;
 const formatVolts = (volts) => (isMissing(volts) ? NO_VALUE : `${volts.toFixed(2)} V`);
@@ -57,6 +57,8 @@ const FIELDS = {
   reason: ({ status, experiment }) => (
     experiment?.running ? experiment.what : lostPose(status) || status?.reason || firstStep(status)),
   board_state: (values) => BOARD_STATES[boardState(values)] ?? formatName(boardState(values)),
+  localization: ({ status }) => (isPoseLost(status) ? "pose lost" : status?.localization ?? ""),
+  lost_words: ({ status }) => (isPoseLost(status) ? "pose lost" : "searching for the pose"),
   battery: ({ board }) => formatVolts(board?.battery_V),
   distance: ({ status }) => (status?.has_goal ? formatMetres(status.distance_to_goal_m) : NO_VALUE),
   pose: ({ pose, status }) => (
@@ -89,7 +91,9 @@ const firstStep = (status) => (status?.mode?.toLowerCase() === "idle"
 
 // Why the pose is lost, unless the robot drives: then its own reason is the more useful one.
 const lostPose = (status) => (status?.pose_lost && status.mode?.toLowerCase() !== "driving"
-  ? `pose lost: ${status.pose_lost}` : "");
+  ? `${isPoseLost(status) ? "pose lost" : "searching"}: ${status.pose_lost}` : "");
+
+const isPoseLost = (status) => Boolean(status?.localization?.startsWith("pose lost")); // also "while mapping"
 
 const boardState = ({ board, status }) => board?.state ?? status?.board_state;
 
@@ -144,6 +148,7 @@ function refresh() {
   flags.simulated = Boolean(status.simulated);
   flags.recording = Boolean(status.recording);
   flags.poseLost = Boolean(state.shown.status?.pose_lost);
+  flags.localization = (kind === "lost" ? "" : state.shown.status?.localization ?? "").replaceAll(" ", "_");
   flags.playback = Boolean(state.playback);
   flags.fault = Boolean(status.fault);
   flags.board = (kind === "lost" ? "" : boardState(values) ?? "").toLowerCase();
