@@ -88,9 +88,11 @@ class Bench:
         preset = load_preset(options.preset)
         self.host = HostTime(preset.host, options.seed)
         self._pitch = Pitch(preset.body, options.seed)
+        params = robot_params(options, preset)
+        self.battery = params.battery  # as it was at the start
         self.chip = FaultyChip(
             elf or ELF_BY_BOARD[options.board],
-            params=robot_params(options, preset),
+            params=params,
             board=options.board,
             seed=options.seed,
         )

@@ -12,7 +12,7 @@ from thumper_hil.world.world_file import suggested_worlds
 
 SMALLEST_PILLAR_M, LARGEST_PILLAR_M = 0.02, 2.0
 FARTHEST_PILLAR_M = 50.0
-COMMANDS = ("fault", "pillar", "clear_pillars")
+COMMANDS = ("fault", "pillar", "clear_pillars", "clear_faults")
 
 
 class PageControls:
@@ -54,7 +54,20 @@ class PageControls:
             case {"clear_pillars": True, **rest} if not rest:
                 self._bench.clear_pillars()
                 return "removed the pillars"
+            case {"clear_faults": True, **rest} if not rest:
+                for name in self._active:
+                    self._bench.fault(name, self._normal(name))
+                self._active.clear()
+                return "removed all faults"
         raise ThumperError(f"unknown simulator command; give one of {', '.join(COMMANDS)} with its arguments")
+
+    def _normal(self, name: str) -> FaultValue:
+        """Return the value without the fault: of the battery, what it started with."""
+        kind, battery = FAULTS[name], self._bench.battery
+        started = {"battery.charge": battery.state_of_charge, "battery.resistance": battery.resistance_Ohm}
+        if name in started:
+            return started[name]
+        return kind.normal or 0.0 if isinstance(kind, Amount) else "ok"
 
 
 def _values(kind: object) -> dict[str, Any]:

@@ -311,7 +311,8 @@ SIMULATOR_COMMAND: Service[Mapping[str, Any], Text] = Service(
     summary="changes the simulated world",
     request=None,
     request_doc='`{"fault": NAME, "value": V}`, `{"pillar": {"x_m", "y_m", "radius_m"}}`, '
-    '`{"clear_pillars": true}`, `{"speed": 2}`, `{"world": NAME}`: starts again there, motors off',
+    '`{"clear_pillars": true}`, `{"clear_faults": true}`, `{"speed": 2}`, '
+    '`{"world": NAME}`: starts again there, motors off',
     reply=Text,
 )
 EXPERIMENT_START = Service(

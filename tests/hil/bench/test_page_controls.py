@@ -72,6 +72,26 @@ def test_active_faults_are_listed_until_cleared(bench: Bench) -> None:
     assert active[-1] == {"battery.charge": 0.0}
 
 
+def test_all_faults_are_removed_at_once(bench: Bench) -> None:
+    controls = PageControls(bench)
+    full_V = bench.chip.truth().battery_V
+    faults = {
+        "lidar": "unplugged",
+        "slip.left": 0.5,
+        "motor.right": "swapped",
+        "battery.charge": 0.0,
+        "battery.resistance": 5.0,
+    }
+    for name, value in faults.items():
+        controls.apply({"fault": name, "value": value})
+    assert controls.describe()["on"] == faults
+    assert controls.apply({"clear_faults": True}) == "removed all faults"
+    assert controls.describe()["on"] == {}
+    assert bench.is_plugged("lidar")
+    bench.advance(bench.time_s + 0.1)
+    assert bench.chip.truth().battery_V == pytest.approx(full_V, abs=0.05)
+
+
 @pytest.mark.parametrize(
     "content",
     [
@@ -85,6 +105,7 @@ def test_active_faults_are_listed_until_cleared(bench: Bench) -> None:
         {"pillar": {"x_m": 1e9, "y_m": 0.0, "radius_m": 0.1}},
         {"clear_pillars": True, "more": 1},
         {"clear_pillars": "yes"},
+        {"clear_faults": False},
     ],
 )
 def test_invalid_command_is_refused(bench: Bench, content: dict[str, Any]) -> None:
