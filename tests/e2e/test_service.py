@@ -86,6 +86,10 @@ def test_cancel_stops_the_robot(service: Service) -> None:
     assert abs(service.bench.truth()[-1, 4]) < 0.05
     assert service.ask("mission/state")["reason"] == "cancelled"
     assert f"goal {FAR} m ended: cancelled" in service.events
+    assert service.ask("command", {"command": "cancel"})["text"] == "the robot was not moving"
+    service.ask("command", {"command": "arm"})
+    text = service.ask("command", {"command": "cancel"})["text"]
+    assert text == "the robot was not moving; the motors go off"
 
 
 def test_an_emergency_stop_is_reported_by_name_and_is_no_failure(service: Service) -> None:

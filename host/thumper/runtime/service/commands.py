@@ -64,8 +64,10 @@ class Commands:
         return text
 
     def _cancel(self) -> str:
-        mode = self._drive_manager.mode
+        mode, held_still = self._drive_manager.mode, self._drive_manager.holds_still
         self._drive_manager.stop("cancelled")
+        if held_still:
+            return "the robot was not moving; the motors go off"
         return "the robot was not moving" if mode is DriveMode.IDLE else "cancelled; the robot stops"
 
     def _emergency_stop(self) -> str:
