@@ -206,6 +206,9 @@ class FakeRobot:
         if "world" in content:
             self.simulated_world = content["world"]
             return f"the robot starts again in the world {self.simulated_world}"
+        if "clear_faults" in content:
+            self.simulated_faults.clear()
+            return "removed all faults"
         self.simulated_faults[content["fault"]] = content["value"]
         return f"{content['fault']} is {content['value']}"
 

@@ -165,6 +165,23 @@ def test_another_simulated_world_is_chosen_in_the_panel(page: Page, robot: FakeR
     assert robot.simulated_world == "hall"
 
 
+def test_banner_says_that_the_robot_restarts_in_another_world(
+    page: Page, robot: FakeRobot, server: Server
+) -> None:
+    banner = page.locator("#tp-banner")
+    robot.event("the robot starts again in the world hall, with a new map")
+    page.wait_for_function("sessionStorage.getItem('tp-restart')")
+    expect(banner).to_have_text("Simulated robot")  # it still saves its map
+    server.kill()
+    try:
+        expect(banner).to_have_text("The robot restarts in the world hall …")
+    finally:
+        server.start()
+    expect(banner).to_have_text("Simulated robot")
+    page.context.set_offline(True)
+    expect(banner).to_contain_text("No connection")
+
+
 def test_active_faults_are_shown_on_every_page(page: Page, robot: FakeRobot) -> None:
     robot.simulated_faults["slip.left"] = 0.5  # by another client
     page.click(".tp-tab-sim")
@@ -179,6 +196,10 @@ def test_active_faults_are_shown_on_every_page(page: Page, robot: FakeRobot) -> 
     page.reload()
     page.click(".tp-tab-sim")
     expect(page.locator(".tp-active-faults")).to_have_text(active)
+    page.click("text=Remove all faults")
+    expect(page.locator(".tp-active-faults")).to_have_text("Active faults: none")
+    expect(page.get_by_role("button", name="Remove all faults")).to_be_hidden()
+    assert robot.simulated_faults == {}
 
 
 def test_trail_is_cleared_by_a_new_map(page: Page, robot: FakeRobot) -> None:

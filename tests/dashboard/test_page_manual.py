@@ -7,7 +7,7 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
-from thumper.board.messages import State
+from thumper.board.messages import Fault, State
 from thumper.runtime.requests import EmergencyStop, OverrideAssistance, Query, Velocity
 
 PAD = """([lb, forward, stop]) => {
@@ -23,8 +23,16 @@ KNOB_OFFSET = """() => {
 }"""
 
 
-@pytest.mark.parametrize("how", ["button", "Space", "Escape", "Space in a field"])
-def test_emergency_stop(page: Page, robot: FakeRobot, how: str) -> None:
+@pytest.mark.parametrize(
+    ("how", "pressed"),
+    [
+        ("button", "the STOP button"),
+        ("Space", "Space"),
+        ("Escape", "Esc"),
+        ("Space in a field", "Space"),
+    ],
+)
+def test_emergency_stop(page: Page, robot: FakeRobot, how: str, pressed: str) -> None:
     if how == "button":
         page.click(".tp-estop")
     elif how == "Space in a field":
@@ -37,10 +45,13 @@ def test_emergency_stop(page: Page, robot: FakeRobot, how: str) -> None:
     until(lambda: robot.received_of(EmergencyStop))
     fault = page.locator(".tp-fault")
     expect(fault).to_be_visible()
-    expect(page.locator(".tp-fault-words")).to_have_text("the emergency stop was pressed")
+    expect(page.locator(".tp-fault-words")).to_have_text(f"the emergency stop was pressed with {pressed}")
     expect(page.locator(".tp-fault-cure")).to_have_text("")
     fault.locator("text=Clear fault").click()
     expect(fault).to_be_hidden()
+    robot.fault, robot.fault_words = Fault.E_STOP, "emergency stop"  # by another client
+    robot.fault_cure = "the emergency stop was pressed"
+    expect(page.locator(".tp-fault-words")).to_have_text("the emergency stop was pressed")
 
 
 def test_escape_cancels_the_tool_before_it_stops(page: Page, robot: FakeRobot) -> None:

@@ -57,6 +57,8 @@ class SimulatorPanel:
                 ui.html("Apply fault", tag="span", sanitize=False)
         self._effect = ui.html("", tag="p", sanitize=False).classes("tp-hint")
         self._active = ui.html("", tag="p", sanitize=False).classes("tp-active-faults")
+        with button("tp-plain").on("click", partial(self._send, {"clear_faults": True})) as self._clear:
+            ui.html("Remove all faults", tag="span", sanitize=False)
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
         inline('<p class="tp-hint">A fault stays active until you set it to ok, or to 0.</p>')
         self._on_fault_selected()
@@ -68,6 +70,7 @@ class SimulatorPanel:
         except ThumperError:
             return  # no robot yet, or a real one: the tab is hidden
         self._active.set_content(escape(_faults_text(world.on)))
+        self._clear.set_visibility(bool(world.on))
         for speed, choice in self._speeds.items():
             choice.props(f"aria-pressed={str(speed == world.speed).lower()}")
         if world.worlds != self._world.options:

@@ -2,6 +2,7 @@
 // An element with `data-command` sends the JSON message in that attribute on click.
 
 import { beep } from "./beep.js";
+import { noteRestart } from "./restart.js";
 import { on, send, state } from "./stream.js";
 
 const NOTICE_MS = 6000;
@@ -28,8 +29,10 @@ function cancelled() {
   return done.includes(true) || document.querySelector(OPEN_SELECT) !== null;
 }
 
-export function emergencyStop() {
+// Stop the robot; `pressed` says with what, for who pressed it by accident.
+export function emergencyStop(pressed) {
   sendStop();
+  state.stopPressed = pressed;
   sessionStorage.setItem(WAITING_STOP, "true"); // survives that the page loads again, with its server
   document.body.classList.add("tp-stopped");
   setTimeout(() => document.body.classList.remove("tp-stopped"), 600);
@@ -77,13 +80,14 @@ export function startCommands() {
   document.addEventListener("keydown", (event) => {
     if (event.code === "Space") event.preventDefault();
     if (event.repeat) return; // an Esc that is held cancels once, and does not stop the robot as well
-    if (event.code === "Space" || (event.code === "Escape" && !cancelled())) emergencyStop();
+    if (event.code === "Space") emergencyStop("Space");
+    if (event.code === "Escape" && !cancelled()) emergencyStop("Esc");
   }, true);
   document.addEventListener("keyup", (event) => {
     if (event.code === "Space") event.preventDefault(); // a focused button fires when Space is released
   }, true);
   document.addEventListener("pointerdown", (event) => {
-    if (event.target.closest?.("[data-estop]")) emergencyStop(); // stop on press, not on release
+    if (event.target.closest?.("[data-estop]")) emergencyStop("the STOP button"); // stop on press, not on release
   }, true);
   document.addEventListener("click", (event) => {
     const button = event.target.closest?.("[data-command]");
@@ -109,12 +113,14 @@ export function startCommands() {
     isSnapshot = false;
     const hasFault = Boolean(state.values.status?.fault);
     if (hasFault && !hadFault) document.querySelectorAll(".tp-notice.good").forEach((notice) => notice.remove());
+    if (hadFault && !hasFault) state.stopPressed = "";
     hadFault = hasFault;
     if (["closed_loop", "manual"].includes(document.body.dataset.board)) removeNotices("fault cleared");
   });
   on("events", (events) => {
     for (const { text } of isSnapshot ? [] : events) {
       if (text.startsWith("beep at ")) beep();
+      noteRestart(text);
       if (/^map saved: |^the map was not saved: /.test(text)) notify(text, text.startsWith("map") ? "good" : "bad");
       if (EXPLORATION_ENDS.test(text)) {
         removeNotices("exploring");

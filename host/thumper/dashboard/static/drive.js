@@ -128,7 +128,7 @@ class ManualDrive {
   readGamepad() {
     const gamepad = [...(navigator.getGamepads?.() ?? [])].find((candidate) => candidate?.connected);
     const isDown = (button) => Boolean(gamepad?.buttons[button]?.pressed);
-    this.onPress("stop", isDown(BUTTONS.stop), emergencyStop); // works without the focus, too
+    this.onPress("stop", isDown(BUTTONS.stop), () => emergencyStop("the gamepad")); // works without the focus, too
     // Without the focus a browser may keep reporting the last state of the gamepad: a stick that never returns.
     this.gamepadStatus.dataset.found = Boolean(gamepad);
     if (!gamepad || document.hidden || !document.hasFocus()) {

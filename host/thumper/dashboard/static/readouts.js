@@ -1,6 +1,7 @@
 // Readouts and banner: each element with `data-field` shows the value of that field.
 
 import { fixed } from "./numbers.js";
+import { endRestart, restartText } from "./restart.js";
 import { keyHint } from "./shortcuts.js";
 import { on, state } from "./stream.js";
 
@@ -55,7 +56,7 @@ const FIELDS = {
   mode: ({ status, experiment }) => (experiment?.running
     ? EXPERIMENTS[experiment.running] ?? formatName(experiment.running) : formatName(status?.mode)),
   reason: ({ status, experiment }) => (
-    experiment?.running ? experiment.what : lostPose(status) || status?.reason || firstStep(status)),
+    experiment?.running ? experiment.what : lostPose(status) || reasonText(status) || firstStep(status)),
   board_state: (values) => BOARD_STATES[boardState(values)] ?? formatName(boardState(values)),
   localization: ({ status }) => (isPoseLost(status) ? "pose lost" : status?.localization ?? ""),
   lost_words: ({ status }) => (isPoseLost(status) ? "pose lost" : "searching for the pose"),
@@ -80,7 +81,8 @@ const FIELDS = {
   pages: ({ pages }) => formatCount(pages),
   rtt: () => (state.rttMs === null ? NO_VALUE : `${state.rttMs.toFixed(0)} ms`),
   recorded: ({ recording_s, status }) => (status?.recording_paused ? "disk full" : formatDuration(recording_s)),
-  fault_words: ({ status }) => (repeatsName(status) ? status.fault_cure : status?.fault_words ?? ""),
+  fault_words: ({ status }) => (
+    repeatsName(status) ? `${status.fault_cure}${isStop(status) ? withWhat() : ""}` : status?.fault_words ?? ""),
   fault_cure: ({ status }) => (repeatsName(status) ? "" : status?.fault_cure ?? ""),
   operator: ({ operator }) => (!operator ? "nobody" : operator === state.pageId ? "this page" : "another page"),
 };
@@ -88,6 +90,12 @@ const FIELDS = {
 // What to do with a robot that has done nothing yet.
 const firstStep = (status) => (status?.mode?.toLowerCase() === "idle"
   ? `choose Goal${keyHint("G")} and click the map, or Arm to drive` : "");
+
+// " with Esc", if this page has stopped the robot.
+const withWhat = () => (state.stopPressed ? ` with ${state.stopPressed}` : "");
+const isStop = (status) => status.fault_words === "emergency stop";
+const reasonText = (status) => (status?.reason === "emergency stop" && state.stopPressed
+  ? `emergency stop, pressed${withWhat()}` : status?.reason);
 
 // Why the pose is lost, unless the robot drives: then its own reason is the more useful one.
 const lostPose = (status) => (status?.pose_lost && status.mode?.toLowerCase() !== "driving"
@@ -135,7 +143,9 @@ function refresh() {
     if (field === "reason" && element.title !== text) element.title = text; // a low screen cuts it
   }
   const banner = document.getElementById("tp-banner");
-  const [kind, text] = bannerContent(values, banner?.dataset.address);
+  const [kind, usualText] = bannerContent(values, banner?.dataset.address);
+  if (kind !== "lost") endRestart();
+  const text = (kind === "lost" && restartText()) || usualText;
   if (banner && (banner.dataset.kind !== kind || banner.textContent !== text)) {
     banner.dataset.kind = kind;
     banner.textContent = text;
