@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from thumper.ros.services import MissionStatus, SendMission
 
 POLL_PERIOD_S = 0.2
-LINE_PERIOD_S = 1.0
 FULL_TURN_DEG = 360.0
 
 
@@ -157,18 +156,19 @@ def _position(x_m: float, y_m: float | None, heading_deg: float | None, toleranc
 
 
 def _wait(client: "BusClient", mission: int) -> "MissionStatus":
-    """Print the remaining distance until the mission ends; return its final state."""
+    """Show the remaining distance until the mission ends; return its final state."""
+    from thumper.cli.output.status_line import StatusLine
     from thumper.ros import services
     from thumper.ros.services import FindMission
 
-    begun_s = next_line_s = time.monotonic()
-    while (state := services.MISSION_STATE.call(client, FindMission(mission=mission))).state == "driving":
-        now_s = time.monotonic()
-        if now_s >= next_line_s:
-            next_line_s += LINE_PERIOD_S
-            reason = f": {state.reason}" if state.reason else ""
-            print(f"{state.distance_m:5.2f} m to go, {now_s - begun_s:5.1f} s{reason}", flush=True)
-        time.sleep(POLL_PERIOD_S)
+    begun_s, line = time.monotonic(), StatusLine()
+    try:
+        while (state := services.MISSION_STATE.call(client, FindMission(mission=mission))).state == "driving":
+            reason = f"; {state.reason}" if state.reason else ""
+            line.show(f"{state.distance_m:.2f} m to go, {time.monotonic() - begun_s:.1f} s{reason}")
+            time.sleep(POLL_PERIOD_S)
+    finally:
+        line.clear()
     return state
 
 

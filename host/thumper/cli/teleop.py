@@ -1,6 +1,5 @@
 """`thumper teleop`: drive a running robot manually with keyboard or gamepad."""
 
-import shutil
 import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,6 +8,7 @@ import typer
 
 from thumper.cli.options.bus import connect
 from thumper.cli.options.common import BusAddress, ConfigFile, RobotName
+from thumper.cli.output.status_line import one_row
 
 if TYPE_CHECKING:
     from thumper.bus.status_watchdog import StatusWatchdog
@@ -111,11 +111,6 @@ def _drive(
                 print(one_row(f"{device}: {speeds} | {latest.get('status', '')}"), end="", flush=True)
         due_s = max(due_s + period_s, now_s)  # do not catch up on missed cycles
         time.sleep(max(0.0, due_s - now_s))
-
-
-def one_row(line: str) -> str:
-    """Return the text that overwrites the terminal's row; a longer line would scroll it at 5 Hz."""
-    return f"\r\033[K{line[: shutil.get_terminal_size().columns - 1]}"
 
 
 def _gamepad(stack: ExitStack) -> "Gamepad | None":

@@ -40,5 +40,4 @@ class DriveProgress:
 
     time_s: float
     distance_to_goal_m: float
-    reason: str
-    is_waiting: bool = False  # for recent data; `reason` says for which
+    remark: str  # why the robot moves as it does, or stands; empty on a plain drive

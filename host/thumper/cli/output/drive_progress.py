@@ -1,10 +1,12 @@
-"""Shows a drive on the terminal: a progress bar, or one line per second if the output is not a terminal."""
+"""Shows a drive on the terminal: a progress bar; elsewhere a line every few seconds."""
 
 import sys
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
+from rich.table import Column
 
+from thumper.cli.output.status_line import PLAIN_PERIOD_S
 from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
 from thumper.gps.earth_reference import PLACE_UNKNOWN
 from thumper.ros.codec import Message
@@ -13,7 +15,7 @@ from thumper.runtime.drive.legs import AnyLeg, Wait
 from thumper.runtime.drive_result import DriveProgress, DriveResult
 from thumper.runtime.loop import RobotLoop
 
-PLAIN_PERIOD_S = 1.0
+BAR_WIDTH = 20  # characters
 
 
 class ProgressDisplay:
@@ -42,9 +44,9 @@ class ProgressDisplay:
         """Show the remaining distance."""
         distance_m = progress.distance_to_goal_m
         self._farthest_m = max(self._farthest_m, distance_m)
-        state = f"{distance_m:5.2f} m to go, {progress.time_s:5.1f} s"
-        if progress.is_waiting:
-            state += f"; {progress.reason}"
+        state = f"{distance_m:.2f} m to go, {progress.time_s:.1f} s"
+        if progress.remark:
+            state += f"; {progress.remark}"
         is_plain = not (self._console.is_terminal or self._console.quiet)
         if is_plain and progress.time_s >= self._next_line_s:
             print(f"{self._name}: {state}", flush=True)
@@ -65,8 +67,10 @@ class ProgressDisplay:
         self._bar.stop()
 
     def _make_bar(self) -> Progress:
-        columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}")
-        return Progress(*columns, console=self._console)
+        rest = Column(ratio=1, no_wrap=True, overflow="ellipsis")
+        state = TextColumn("{task.fields[state]}", table_column=rest)
+        columns = TextColumn("{task.description}"), BarColumn(BAR_WIDTH), state
+        return Progress(*columns, console=self._console, expand=self._console.is_terminal)
 
 
 def print_problems(topic: str, _time_s: float, message: Message) -> None:

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 
+import numpy as np
+
 from thumper.board.board import Board
 from thumper.board.fault_texts import FAULT_HINTS
 from thumper.board.messages import Command, Fault, State, Telemetry
@@ -17,7 +19,7 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import Twist2
 from thumper.common.kinematics import DriveGeometry, WheelSpeeds, limit_wheel_speeds, wheel_speeds
 from thumper.config.manual_drive import ManualDriveOptions
-from thumper.maps.occupancy_grid import OccupancyGrid
+from thumper.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.runtime.drive.assisted_teleop import AssistedTeleop
@@ -30,6 +32,8 @@ from thumper.runtime.state_estimator import RobotState
 
 GOAL_MARGIN_M, ROBOT_MARGIN_M = 1.0, 2.5  # more than half the controllers' usual window
 DISARMED_CYCLES = 3  # telemetry from before ARM may still arrive
+UNKNOWN_GOAL = "goal in unknown space, looking for a path"
+TURNING, TURNING_BELOW_M_S = "turning in place", 0.02
 BY_PROGRAM, RELEASED = "driven by another program", "manual command released"
 
 
@@ -85,6 +89,7 @@ class DriveManager:
         self.is_waiting = False  # during a drive, for recent data; `reason` says for which
         self.is_stop_unconfirmed = False  # an emergency stop was requested, but the board did not confirm it
         self._data_age = DataAge()
+        self._is_goal_unknown = False  # no scan has shown what is at the goal
         self._cruise = Twist2()
         self._speeds = WheelSpeeds()
         self._pwm = (0, 0)
@@ -96,6 +101,15 @@ class DriveManager:
     def activity(self) -> str:
         """Why the robot does what it does: the reason, or else what it drives for."""
         return self.reason or (self.task if self.mode is DriveMode.DRIVING else "")
+
+    @property
+    def remark(self) -> str:
+        """What a progress display says of the robot: the reason, or what explains its present motion."""
+        if self.reason or self.mode is not DriveMode.DRIVING:
+            return self.reason
+        if self.command.w_rad_s != 0.0 and abs(self.command.v_m_s) < TURNING_BELOW_M_S:
+            return TURNING
+        return UNKNOWN_GOAL if self._is_goal_unknown else ""
 
     @property
     def holds_still(self) -> bool:
@@ -305,6 +319,8 @@ class DriveManager:
         # Where the lidar reaches nothing, the map may end before the goal, and before the robot.
         x_m, y_m = state.map_from_base.x_m, state.map_from_base.y_m
         with_goal = grid().including(self.goal.x_m, self.goal.y_m, GOAL_MARGIN_M)
+        goal_m = np.array(((self.goal.x_m, self.goal.y_m),))
+        self._is_goal_unknown = bool(with_goal.values_at(goal_m)[0] == UNKNOWN)
         output = self.navigator.update(
             state.time_s,
             state.map_from_base,

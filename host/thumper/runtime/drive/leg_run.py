@@ -173,8 +173,7 @@ class LegRun:
         return DriveProgress(
             time_s=state.time_s - self._begun.time_s,
             distance_to_goal_m=self.leg.goal.distance_m(state.map_from_base),
-            reason=self._drive_manager.reason,
-            is_waiting=self._drive_manager.is_waiting,
+            remark=self._drive_manager.remark,
         )
 
     def result(self, outcome: DriveOutcome) -> DriveResult:

@@ -57,7 +57,7 @@ class MissionStarter:
         return MissionStatus(
             mission=mission.number,
             state=mission.state.value,
-            reason=mission.reason or self._drive_manager.reason,
+            reason=mission.reason or self._drive_manager.remark,
             leg=mission.leg,
             legs=len(mission.legs),
             distance_m=goal.distance_m(state.map_from_base) if state else None,

@@ -20,7 +20,13 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.state import NavigationOutput, NavigationState, ScanFrames
 from thumper.runtime.drive import drive_manager
 from thumper.runtime.drive.assisted_teleop import AssistedCommand
-from thumper.runtime.drive.drive_manager import BY_PROGRAM, DriveManager, DriveMode
+from thumper.runtime.drive.drive_manager import (
+    BY_PROGRAM,
+    TURNING,
+    UNKNOWN_GOAL,
+    DriveManager,
+    DriveMode,
+)
 from thumper.runtime.drive.manual_pwm import FeedForward, manual_pwm
 from thumper.runtime.requests import TeleopSource, Velocity
 from thumper.runtime.state_estimator import RobotState
@@ -126,6 +132,24 @@ def test_idle_robot_sends_nothing(bench: Bench) -> None:
     assert (bench.take(), bench.manager.mode, bench.manager.reason) == ([], DriveMode.IDLE, "")
     assert not (bench.manager.is_waiting)
     assert not (bench.manager.is_stop_unconfirmed)
+
+
+@pytest.mark.parametrize(
+    ("goal_x_m", "command", "reason", "remark"),
+    [
+        (0.2, AHEAD, "", ""),
+        (0.2, Twist2(w_rad_s=1.0), "", TURNING),
+        (0.2, Twist2(w_rad_s=1.0), "escaping", "escaping"),
+        (2.0, AHEAD, "", UNKNOWN_GOAL),  # no scan has reached it
+    ],
+)
+def test_the_remark_explains_the_motion(
+    bench: Bench, goal_x_m: float, command: Twist2, reason: str, remark: str
+) -> None:
+    bench.manager.start(Goal(x_m=goal_x_m, y_m=0.0), None)
+    bench.output = NavigationOutput(command=command, reason=reason)
+    bench.step()
+    assert bench.manager.remark == remark
 
 
 def test_goal_arms_and_each_cycle_sends_what_the_navigator_wants(bench: Bench) -> None:
