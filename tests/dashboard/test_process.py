@@ -13,17 +13,20 @@ from pathlib import Path
 import pytest
 from benchmarks.shared.live import free_port, until
 
+from tests.variants import some_of
 from thumper.common.errors import EXIT_NOT_THERE
 from thumper.dashboard.process import open_pages
 
 
 @pytest.mark.parametrize(
     ("taken", "hint"),
-    [
-        ("page", "another port with --ui-port"),
-        ("option", "another port with --ui-port"),
-        ("bus", "Choose another address"),
-    ],
+    some_of(
+        [
+            ("page", "another port with --ui-port"),
+            ("option", "another port with --ui-port"),
+            ("bus", "Choose another address"),
+        ]
+    ),
 )
 def test_port_in_use_is_reported_before_the_robot_is_opened(taken: str, hint: str, tmp_path: Path) -> None:
     board, lidar = (os.ttyname(os.openpty()[1]) for _ in range(2))  # ports that are there, and silent

@@ -166,7 +166,6 @@ def test_page_says_that_the_cable_is_out_while_the_robot_is_disarmed(front_page:
             ("block", "STALL_RIGHT|OVER_CURRENT"),  # both within 0.3 s; the duty decides which one is first
             ("drain", "LOW_BATTERY"),
         ],
-        2,
     ),
 )
 def test_supervisor_stops_the_robot_and_the_page_names_the_fault(

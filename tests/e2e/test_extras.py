@@ -46,7 +46,7 @@ def test_missing_packages_are_named_with_the_install_command(
 
 
 @pytest.mark.parametrize(
-    "extra", some_of(sorted(EXTRAS.keys() - {"notebooks"}), 2)
+    "extra", some_of(sorted(EXTRAS.keys() - {"notebooks"}))
 )  # JupyterLab is not installed
 def test_pip_takes_the_extra_from_the_installed_package(extra: str) -> None:
     """No index is asked: the packages of the extra, which are installed here, satisfy the command."""

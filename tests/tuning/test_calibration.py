@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
+from tests.variants import some_of
 from thumper.board.board import Board
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2
@@ -117,7 +118,7 @@ def test_files_instead_of_a_robot(tmp_path: Path) -> None:
     assert "--truth belongs to --log" in str(alone.exception)
 
 
-@pytest.mark.parametrize("by_lidar", [False, True])
+@pytest.mark.parametrize("by_lidar", some_of([False, True]))
 def test_calibrating_the_simulated_robot_reduces_its_error(tmp_path: Path, by_lidar: bool) -> None:
     name = f"calibrate_{by_lidar}"
     lidar = ["--lidar", f"sim://{name}/lidar"] if by_lidar else []

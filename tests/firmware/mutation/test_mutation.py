@@ -21,10 +21,11 @@ from tests.firmware.mutation.hazards import (
 from tests.firmware.mutation.mutants import CORE, FIRMWARE, Mutant
 from tests.firmware.mutation.run import PARTS
 from tests.firmware.mutation.survivors import CORE_SURVIVORS, Tally, listed_survivors
+from tests.variants import some_of
 
 
 @pytest.mark.parametrize(
-    "hazard", ["the robot runs into something that no sensor saw", "a flood of requests"]
+    "hazard", some_of(["the robot runs into something that no sensor saw", "a flood of requests"])
 )
 def test_a_test_of_the_safety_case_fails_without_the_guard(hazard: str) -> None:
     """A sample. `python -m tests.firmware.mutation.hazards` goes through all of them."""

@@ -24,9 +24,9 @@ def along_the_path(from_s: float) -> str:
         pytest.param(CROSSING[3.0], id="cross 3 s", marks=pytest.mark.slow),
         pytest.param(CROSSING[4.0], id="cross 4 s", marks=pytest.mark.slow),
         pytest.param(TWO, id="two", marks=pytest.mark.slow),
-        pytest.param([along_the_path(1.0)], id="along the path"),
+        pytest.param([along_the_path(1.0)], id="along the path", marks=pytest.mark.slow),
         pytest.param(BLOCKING, id="blocks, then goes"),
-        pytest.param(STAYING, id="stays"),
+        pytest.param(STAYING, id="stays", marks=pytest.mark.slow),
     ],
 )
 def test_drives_into_nobody(people: list[str]) -> None:

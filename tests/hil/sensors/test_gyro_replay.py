@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.variants import some_of
 from thumper.board.board import Board
 from thumper.common.geometry import Pose2, wrap_angle
 from thumper.config.robot import RobotConfig, with_ports
@@ -22,7 +23,7 @@ from thumper_hil.bench.registry import close_device, open_device
 START = Pose2(x_m=1.73, y_m=0.08, theta_rad=math.pi)
 
 
-@pytest.mark.parametrize("model", ["bno08x", "mpu6050"])
+@pytest.mark.parametrize("model", some_of(["mpu6050", "bno08x"]))
 def test_a_recorded_drive_replays_to_the_same_poses(model: ImuModel, tmp_path: Path) -> None:
     name = f"gyro-recorded-{model}"
     url = f"sim://{name}/board?world=lab&x_m={START.x_m}&y_m={START.y_m}&yaw_deg=180"

@@ -28,7 +28,7 @@ def assert_arrived(run: Run, error_m: float = 0.10) -> None:
     assert run.clearance_m > 0.02
 
 
-@pytest.mark.parametrize("seed", some_of(range(4), 2))
+@pytest.mark.parametrize("seed", some_of(range(4)))
 def test_straight_run(seed: int) -> None:
     start, (x_m, y_m) = STRAIGHT
     run = drive(ROOM, start, Goal(x_m=x_m, y_m=y_m), AREA, seed=seed)
@@ -37,7 +37,7 @@ def test_straight_run(seed: int) -> None:
     assert run.time_s < 12.0
 
 
-@pytest.mark.parametrize("seed", some_of(range(4), 2))
+@pytest.mark.parametrize("seed", some_of(range(4)))
 def test_round_the_box(seed: int) -> None:
     start, (x_m, y_m) = ROUND_BOX
     run = drive(BOX_ROOM, start, Goal(x_m=x_m, y_m=y_m), AREA, seed=seed)

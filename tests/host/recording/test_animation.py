@@ -7,6 +7,7 @@ import pytest
 from benchmarks.shared.recorded_run import RUN, cycles
 from PIL import Image
 
+from tests.variants import some_of
 from thumper.common.colours import BLUE
 from thumper.common.errors import ThumperError
 from thumper.recording.animation import LONG_SIDE_PX, animate
@@ -32,7 +33,7 @@ def robot_at_px(frame: Image.Image) -> np.ndarray:
     return np.array([np.median(columns), np.median(rows)])
 
 
-@pytest.mark.parametrize("suffix", [".webp", ".gif"])
+@pytest.mark.parametrize("suffix", some_of([".webp", ".gif"]))
 def test_robot_moves_through_the_frames(drive: Recording, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"drive{suffix}"
     frames = animate(drive, path, speed=4.0)
