@@ -124,7 +124,7 @@ mutation: firmware chip $(VENV)/.dev
 	@$(BIN)/python -m tests.host.mutation.run
 
 clean:
-	rm -rf firmware/build hil/thumper_hil/chip/native/build host/thumper/kernels hil/thumper_hil/kernels out site
+	rm -rf firmware/build hil/thumper_hil/chip/native/build host/thumper/kernels hil/thumper_hil/kernels tuning/thumper_tuning/kernels out site
 	rm -f $(VENV)/.kernels
 
 # Stamps: set-up is repeated only when what it depends on has changed.
@@ -147,8 +147,8 @@ $(VENV)/.run: pyproject.toml $(CONSTRAINTS) | $(VENV)/.made
 	@touch $@
 
 # What has not changed is not compiled again.
-$(VENV)/.kernels: $(shell find host/thumper hil/thumper_hil -name '*.py') | $(VENV)/.run firmware chip
-	@THUMPER_SHIP_KERNELS=1 $(BIN)/python -m thumper_hil.demo.ship_kernels
+$(VENV)/.kernels: $(shell find host/thumper hil/thumper_hil tuning/thumper_tuning scripts/ship_kernels.py -name '*.py') | $(VENV)/.run firmware chip
+	@THUMPER_SHIP_KERNELS=1 $(BIN)/python scripts/ship_kernels.py
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml $(CONSTRAINTS) Makefile | $(VENV)/.made

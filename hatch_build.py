@@ -20,7 +20,10 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 BOARDS = {"trex": "firmware/build", "nano": "firmware/build/nano"}
 CHIP = "hil/thumper_hil/chip/native"
-KERNELS = {"host/thumper/kernels": "thumper/kernels", "hil/thumper_hil/kernels": "thumper_hil/kernels"}
+KERNELS = {
+    f"{folder}/kernels": f"{Path(folder).name}/kernels"
+    for folder in ("host/thumper", "hil/thumper_hil", "tuning/thumper_tuning")
+}
 SET_UP = ("99-thumper.rules", "thumper.service", "foxglove-layout.json")
 
 
@@ -48,7 +51,7 @@ class FirmwareHook(BuildHookInterface):  # type: ignore[type-arg]
         if kernels := find_spec("numba") is not None and not other_machine:
             paths = os.pathsep.join(str(root / folder) for folder in ("host", "hil", "tuning"))
             environment = os.environ | {"PYTHONPATH": paths, "THUMPER_SHIP_KERNELS": "1"}
-            command = [sys.executable, "-m", "thumper_hil.demo.ship_kernels"]
+            command = [sys.executable, root / "scripts" / "ship_kernels.py"]
             subprocess.run(command, check=True, env=environment)
             build_data["force_include"] |= KERNELS
         else:

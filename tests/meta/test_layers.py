@@ -65,7 +65,7 @@ TUNING = (
     "identify",
     "design",
     "drive",
-    "calibration report",
+    "calibration report warm_up",
     "cli",
 )
 IDENTIFY = (

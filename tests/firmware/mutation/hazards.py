@@ -19,7 +19,12 @@ from typing import NamedTuple
 from tests.firmware.board.boot import ROOT
 from tests.meta import hazard_tables
 
-BUILT = ("hil/thumper_hil/chip/native/build", "host/thumper/kernels", "hil/thumper_hil/kernels")
+BUILT = (
+    "hil/thumper_hil/chip/native/build",
+    "host/thumper/kernels",
+    "hil/thumper_hil/kernels",
+    "tuning/thumper_tuning/kernels",
+)
 """Folders that git ignores and a copy needs: to compile the kernels again takes a robot over a minute."""
 INTERFACE, MAIN, MISSION = (
     "core/host_interface.hpp",

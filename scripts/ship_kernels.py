@@ -1,4 +1,4 @@
-"""Compile all kernels into their packages: `THUMPER_SHIP_KERNELS=1 python -m thumper_hil.demo.ship_kernels`.
+"""Compile all kernels into their packages: `THUMPER_SHIP_KERNELS=1 python scripts/ship_kernels.py`.
 
 `make` and the wheel's build run it, in two processes. It warms up every mapper, planner and controller, and
 drives the demo's missions for the kernels of the simulator. What is there and fits its sources is loaded.
@@ -24,14 +24,16 @@ from thumper.runtime.assembly import robot_mapper
 from thumper.slam.factory import Method
 from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.run import drive_mission
+from thumper_tuning.warm_up import warm_up as warm_up_identification
 
 
 def compile_mappers() -> int:
-    """Compile what is missing of the mappers; return how many kernels that were."""
+    """Compile what is missing of the mappers and of the identification; return how many kernels that were."""
     config = RobotConfig()
     with compile_progress(Console(quiet=True)) as progress:
         for method in get_args(Method):
             robot_mapper(replace(config, mapping=replace(config.mapping, method=method)), Pose2()).warm_up()
+        warm_up_identification()
     return progress.count
 
 
