@@ -244,7 +244,7 @@ def test_progress_of_unknown_length_has_no_share() -> None:
         ("goal (0.50, -0.50) m reached: at the goal", "pass"),
         ("explored after 30 s: reached 2 of 2 frontiers; back at the start", "pass"),
         ("time is up after 900 s: reached 2 of 4 frontiers; back at the start", "pass"),
-        ("nothing is left to explore: no frontier is reachable", "pass"),
+        ("explored: no frontier is left, the map has 16.0 m² of free floor", "pass"),
         ("not back at the start: no path", "fail"),
         ("goal (60.00, 0.00) m not reached: no path", "fail"),
         ("route of 3 goals ended: cancelled", "fail"),

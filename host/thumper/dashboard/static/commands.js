@@ -7,7 +7,7 @@ import { on, send, state } from "./stream.js";
 
 const NOTICE_MS = 6000;
 const MAX_NOTICES = 3;
-const EXPLORATION_ENDS = /^not back at the start: |^nothing is left to explore|; back at the start$/;
+const EXPLORATION_ENDS = /^not back at the start: |^explored: |; back at the start$/;
 const OPEN_SELECT = ".q-menu, .q-dialog"; // Quasar closes these on Esc by itself
 
 const WAITING_STOP = "tp-waiting-stop";

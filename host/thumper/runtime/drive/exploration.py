@@ -33,7 +33,7 @@ MOST_FREE_PERCENT = 50  # cells with less count as free floor in the report
 NEAR_HOME_M = 0.5  # if something stands at home now
 PURPOSE = "exploring"
 BACK = "back at the start"
-NOTHING_LEFT = "nothing is left to explore: no frontier is reachable"
+NOTHING_LEFT = "explored: no frontier is left"
 MapAndPose = Callable[[], tuple[OccupancyGrid, Pose2]]
 
 
@@ -108,7 +108,7 @@ def explore(
         return replace(result, reached=False, reason=str(refusal))
     if not result.reached:
         return result
-    return replace(result, reason=ending if ending == NOTHING_LEFT else f"{ending}; {BACK}")
+    return replace(result, reason=ending if ending.startswith(NOTHING_LEFT) else f"{ending}; {BACK}")
 
 
 def _drive_to_frontiers(
@@ -133,9 +133,10 @@ def _drive_to_frontiers(
         if frontier is None and given_up and not is_second_round:
             is_second_round = True  # the rest of the map may show another way to them
             explorer.retry(given_up)
+            given_up = []
             continue
         if frontier is None and not tried:
-            return result, NOTHING_LEFT
+            return result, f"{NOTHING_LEFT}, the map has {_free_m2(now()[0]):.1f} m² of free floor"
         if frontier is None:
             why = "explored"
             break
@@ -166,8 +167,14 @@ def _drive_to_frontiers(
         why = "interrupted" if result.interrupted else "time is up"
     ending = f"{why} after {result.time_s:.0f} s: reached {reached} of {tried} frontiers"
     if tried:  # before the first telemetry there is no map
-        ending += f", found {_free_m2(now()[0]):.1f} m² of free floor"
+        ending += _findings(now()[0], [explorer.goal(frontier) for frontier in given_up])
     return result, ending
+
+
+def _findings(grid: OccupancyGrid, given_up: list[Goal]) -> str:
+    """Return what an exploration found, and what it could not reach."""
+    missing = f", could not reach {', '.join(map(str, given_up))}" if given_up else ""
+    return f", found {_free_m2(grid):.1f} m² of free floor{missing}"
 
 
 def _free_m2(grid: OccupancyGrid) -> float:

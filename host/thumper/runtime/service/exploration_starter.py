@@ -60,6 +60,6 @@ class ExplorationStarter:
             self._publisher.publish_event(f"not back at the start: {result.reason}")
             return result
         self._drive_manager.reason = result.reason  # instead of the home goal, which no user has set
-        if result.reason != NOTHING_LEFT:
+        if not result.reason.startswith(NOTHING_LEFT):
             self._publisher.publish_event(result.reason)
         return result

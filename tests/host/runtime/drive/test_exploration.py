@@ -154,8 +154,9 @@ def test_an_unreachable_frontier_is_given_up_and_the_next_one_tried() -> None:
 def test_a_frontier_is_not_tried_a_third_time() -> None:
     no_path = result(reached=False, reason="no path", failed=True)
     drives = Drives(frontier_1=no_path, frontier_2=no_path)
-    exploration(drives, A)
+    _, reports, _ = exploration(drives, A)
     assert drives.names == ["initial scan", "frontier 1", "frontier 2", "home"]
+    assert reports[-1].endswith("found 16.0 m² of free floor, could not reach (1.00, 0.00)")
 
 
 @pytest.mark.parametrize(
@@ -201,7 +202,8 @@ def test_when_time_is_up_the_robot_returns() -> None:
 
 def test_nothing_to_explore() -> None:
     total, reports, _ = exploration(Drives())
-    assert reports == ["nothing is left to explore: no frontier is reachable"] == [total.reason]
+    text = "explored: no frontier is left, the map has 16.0 m² of free floor"
+    assert reports == [text] == [total.reason]
 
 
 def test_the_robot_drives_on_once_a_frontier_has_been_seen() -> None:
