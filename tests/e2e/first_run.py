@@ -140,7 +140,7 @@ def bare_board_to_running_robot(walk: Guided) -> None:
     walk.done("robot", "flash")
     walk.retried("flash", "check", ("Flash",))
     walk.picture("3-check")
-    walk.retried("check", "start", ("Turn the wheels", "Yes, turn the wheels"))
+    walk.retried("check", "start", ("Turn the wheels",))
     walk.picture("4-start")
     walk.click("Start the robot")
     walk.done("start", "tune")
@@ -149,7 +149,7 @@ def bare_board_to_running_robot(walk: Guided) -> None:
 def running_robot_to_saved_map(walk: Guided) -> None:
     """Tune, drive, explore, drive to a goal, save."""
     walk.picture("5-tune")
-    walk.repeated(("Tune", "Yes, tune the wheels"))
+    walk.repeated(("Tune",))
     is_better = walk.page.get_by_text("Keep the gains").count()
     walk.click("Keep the gains" if is_better else "Continue")
     walk.done("tune", "drive")

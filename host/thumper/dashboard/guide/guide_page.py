@@ -16,10 +16,10 @@ from thumper.dashboard.widgets import STATIC, Widget, begin_page, box, button, i
 PERIOD_S = 0.25
 SHOWN_LINES = 12
 SHOW_STEP = "document.querySelector('.tg-now')?.scrollIntoView({block: 'center'})"
-# The map's tools may not be there yet when the page opens at this step.
+# The map's tools may not be there yet when the page opens at this step, and need the map.
 SELECT_GOAL_TOOL = """(function select() {
   const tool = document.querySelector('[data-tool=goal]');
-  if (tool) tool.click();
+  if (tool && !tool.disabled) tool.click();
   else setTimeout(select, 100);
 })()"""
 MARKS = {"pass": "check_circle", "warn": "warning", "fail": "error"}

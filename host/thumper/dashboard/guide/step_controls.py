@@ -83,12 +83,18 @@ class StepControls:
         self._guide.begin(Step.ROBOT)
         self.confirming = not self.confirming  # shows the step again
 
+    @property
+    def _is_simulated(self) -> bool:
+        """Whether nobody stands beside the robot: then nothing asks for wheels or floor."""
+        return self._guide.ports is not None and self._guide.ports.simulated
+
     def _flash(self) -> None:
-        _text(
-            "Write the firmware through the board's boot loader. If a wheel turns when you switch on the "
-            "battery, switch it off: the outputs are wired wrongly, or an old program drives them."
-        )
-        if self._guide.ports is not None and not self._guide.ports.simulated:
+        _text("Write the firmware through the board's boot loader.")
+        if self._guide.ports is not None and not self._is_simulated:
+            _text(
+                "If a wheel turns when you switch on the battery, switch it off: the outputs are wired "
+                "wrongly, or an old program drives them."
+            )
             self._select("Board", "_kind", BOARDS)
             self._select("Boot loader", "_bootloader", BOOTLOADERS)
         with box("tp-buttons"):
@@ -96,24 +102,22 @@ class StepControls:
             self._button("Skip: it has the firmware", self._guide.advance, main=False)
 
     def _check(self) -> None:
-        _text(
-            "Put the chassis on a block: wheels off the ground, and a hand on the switch. Each side turns "
-            "alone for a second. Watch: each must turn forward."
-        )
+        if not self._is_simulated:
+            _text("Put the chassis on a block: wheels off the ground, and a hand on the switch.")
+        _text("Each side turns alone for a second. Watch: each must turn forward.")
         if self.confirming:
             self._confirm("Are all wheels off the ground?", "Yes, turn the wheels", self._guide.check)
             return
         with box("tp-buttons"):
-            self._button("Turn the wheels", self._ask)
+            self._button("Turn the wheels", self._guide.check if self._is_simulated else self._ask)
             outcome = self._guide.outcomes.get(Step.CHECK)
             if outcome is not None and outcome.verdict != "fail":
                 self._button("Continue", self._guide.advance, main=False)
 
     def _start(self) -> None:
-        _text(
-            f"Put the robot on the floor, with {LANE_M:g} m of free space ahead of it and behind it. "
-            "The first start compiles for up to two minutes."
-        )
+        if not self._is_simulated:
+            _text(f"Put the robot on the floor, with {LANE_M:g} m of free space ahead of it and behind it.")
+        _text("The first start compiles for up to two minutes.")
         with box("tp-buttons"):
             self._button("Start the robot", self._guide.start)
 
@@ -127,13 +131,16 @@ class StepControls:
                 self._button("Keep the gains", self._guide.keep_gains)
                 self._button("Do not keep them", self._guide.drop_gains, main=False)
             return
+        message = {"kind": "experiment", "name": "tune", "lane_m": LANE_M}
         if self.confirming:
-            message = {"kind": "experiment", "name": "tune", "lane_m": LANE_M}
             question = f"Is a lane of {LANE_M:g} m ahead and behind clear, 0.8 m wide?"
             self._confirm(question, "Yes, tune the wheels", None, message)
             return
         with box("tp-buttons"):
-            self._button("Tune", self._ask, main=not self._has_passed)
+            if self._is_simulated:
+                self._button("Tune", self._guide.repeat, main=not self._has_passed, message=message)
+            else:
+                self._button("Tune", self._ask, main=not self._has_passed)
             self._next()
 
     def _drive(self) -> None:
@@ -143,10 +150,9 @@ class StepControls:
             self._next()
 
     def _map(self) -> None:
-        _text(
-            "Explore: the robot maps the room from frontier to frontier at 0.2 m/s, and returns. Stay beside "
-            "it. Or arm and drive it with the joystick."
-        )
+        _text("Explore: the robot maps the room from frontier to frontier at 0.2 m/s, and returns.")
+        beside = "" if self._is_simulated else "Stay beside it. "
+        _text(f"{beside}Or arm and drive it with the joystick.")
         with box("tp-buttons"):
             self._button("Explore", self._guide.repeat, message={"kind": "command", "name": "explore"})
             self._next()

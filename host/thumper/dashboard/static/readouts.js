@@ -11,7 +11,7 @@ const NO_VALUE = "–";
 const EXPERIMENTS = { identify: "identifying motors", tune: "tuning wheels" };
 const SENSORS = ["camera", "gps", "imu"]; // of some robots; their parts of the page are hidden without them
 const BOARD_STATES = { CLOSED_LOOP: "armed", MANUAL: "manual (open loop)" };
-const NEEDS_ROBOT = "[data-command], [data-tool]:not([data-tool=pan], [data-tool=layers])";
+const NEEDS_MAP = "[data-tool]:not([data-tool=pan], [data-tool=layers])";
 const SENSOR_SILENT_S = 3; // a sensor that sent nothing for this long has no current value
 
 const SENSOR_FIELDS = {
@@ -121,7 +121,7 @@ function formatDuration(seconds) {
 function bannerContent({ status, silent_s }, address) {
   if (!state.connected) return ["lost", "No connection to the dashboard server. Manual driving stops, a goal goes on."];
   if (isMissing(silent_s)) {
-    return ["lost", address ? `No robot at ${address}; start \`thumper run\`.` : "No robot yet: begin with step 1."];
+    return ["lost", address ? `No robot at ${address}; start \`thumper run\`.` : "No robot is running yet: step 4 starts it."];
   }
   if (silent_s > LINK_LOST_S) {
     const hint = address ? " Is `thumper run` still running?" : "";
@@ -165,7 +165,8 @@ function refresh() {
   const isArmed = ["closed_loop", "manual"].includes(flags.board);
   const isSilent = isMissing(values.silent_s) || values.silent_s > GONE_S;
   const isGone = Boolean(banner?.dataset.address) && state.connected && isSilent;
-  for (const button of document.querySelectorAll(NEEDS_ROBOT)) button.disabled = isGone;
+  for (const button of document.querySelectorAll("[data-command]")) button.disabled = isGone;
+  for (const tool of document.querySelectorAll(NEEDS_MAP)) tool.disabled = isGone || !("map" in values);
   document.querySelector(".tp-arm")?.setAttribute("aria-pressed", isArmed);
   flags.batteryLow = Boolean(values.board?.battery_low);
 }
