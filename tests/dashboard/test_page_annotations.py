@@ -1,5 +1,6 @@
 """The page in a real browser: zones and places, drawn by mouse, finger or keyboard, and their lists."""
 
+from itertools import combinations
 from typing import Any
 
 import pytest
@@ -9,7 +10,7 @@ from benchmarks.shared.live import until
 from playwright.sync_api import Browser, Page, expect
 
 from tests.dashboard.test_page_driving import TO_SCREEN, drag, queries_of
-from thumper.maps.annotations import Annotations, SavedTag, ZoneKind
+from thumper.maps.annotations import Annotations, SavedPlace, SavedTag, Zone, ZoneKind
 
 CORNERS = ((0.5, 0.5), (1.5, 0.5), (1.5, 1.2))
 BAR = ".tp-annotationbar"
@@ -44,6 +45,11 @@ def test_a_zone_drawn_on_one_page_shows_on_another(
     drawn = "thumper.state.values.annotations.features.length"
     assert other.evaluate(drawn) == 1
     other.click("text=Remove")
+    expect(rows(other, "zones")).to_contain_text("Remove ramp for good?")
+    other.get_by_role("button", name="Keep ramp").click()
+    expect(rows(other, "zones")).to_contain_text("rampslow, 30 %")
+    other.click("text=Remove")
+    other.get_by_role("button", name="Remove ramp for good").click()
     expect(rows(other, "zones")).to_contain_text("None yet")
     context.close()
     until(lambda: not robot.annotations.zones)
@@ -72,6 +78,51 @@ def test_places_are_saved_driven_to_and_patrolled(page: Page, robot: FakeRobot) 
     rows(page, "places").first.locator("input").uncheck()
     page.click("[data-patrol] button")
     until(lambda: queries_of(robot, "mission/follow")[-1].content["goals"] == [{"place": "door"}])
+
+
+def test_labels_on_the_map_do_not_overlap(page: Page, robot: FakeRobot) -> None:
+    zone = Zone(kind=ZoneKind.KEEPOUT, name="the rug of the kitchen", vertices_m=CORNERS)
+    middle_m = zone.polygon_m().mean(axis=0)
+    places = tuple(
+        SavedPlace(name=name, x_m=middle_m[0] + shift_m, y_m=middle_m[1])
+        for name, shift_m in (("kitchen table", 0.0), ("charger", 0.05), ("door to the hall", 0.2))
+    )
+    robot.annotate(Annotations(zones=(zone,), places=places))
+    page.wait_for_function("thumper.state.values.annotations.features.length === 4")
+    labels = page.evaluate("""() => {
+      const { context } = document.querySelector('.tp-map').mapView;
+      const found = [];
+      context.fillText = (text, x, y) => {
+        const { width } = context.measureText(text);
+        if (context.textAlign === 'center') found.push([text, x - width / 2, x + width / 2, y]);
+      };
+      document.querySelector('.tp-map').mapView.draw();
+      delete context.fillText;
+      return found;
+    }""")
+    assert {text for text, *_ in labels} == {zone.name, *(place.name for place in places)}
+    for (_, left, right, y), (_, other_left, other_right, other_y) in combinations(labels, 2):
+        assert abs(y - other_y) > 12.0 or right <= other_left or other_right <= left
+
+
+def test_a_name_in_use_is_replaced_only_on_request(page: Page, robot: FakeRobot) -> None:
+    save = page.locator(f"{BAR} .tp-go")
+    for x_m in (1.0, 3.0):
+        page.keyboard.press("l")
+        drag(page, (x_m, 1.0), (x_m, 1.0))
+        page.keyboard.type("kitchen")
+        page.keyboard.press("Enter")
+        until(lambda: robot.annotations.places)
+    expect(page.locator(BAR)).to_contain_text("kitchen exists already. Replace it?")
+    expect(save).to_have_text("Replace")
+    page.keyboard.type("2")
+    expect(save).to_have_text("Save")
+    page.keyboard.press("Backspace")
+    page.keyboard.press("Enter")
+    expect(save).to_have_text("Replace")
+    assert robot.annotations.places[0].x_m == pytest.approx(1.0, abs=0.02)
+    page.keyboard.press("Enter")
+    until(lambda: robot.annotations.places[0].x_m == pytest.approx(3.0, abs=0.02))
 
 
 def test_the_keyboard_alone_draws_a_zone(page: Page, robot: FakeRobot) -> None:
@@ -150,5 +201,6 @@ def test_a_surveyed_tag_is_listed_and_removed(page: Page, robot: FakeRobot) -> N
     expect(rows(page, "tags")).to_have_count(2)
     expect(rows(page, "tags").first).to_contain_text("tag 3")
     rows(page, "tags").first.locator("text=Remove").click()
+    page.get_by_role("button", name="Remove tag 3 for good").click()
     until(lambda: [tag.number for tag in robot.annotations.tags] == [14])
     expect(rows(page, "tags")).to_contain_text(["tag 14"])

@@ -90,7 +90,7 @@ def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
     thumb.click(position={"x": 5, "y": 10})
     apply.click()
     until(lambda: robot.parameters["ki"] < 2.0)
-    page.locator("button", has_text="Save on board").click()
+    page.get_by_role("button", name="Save", exact=True).click()
     until(lambda: queries_of(robot, "parameters/save"))
 
 

@@ -43,6 +43,12 @@ def test_buttons_and_chart_keys_take_one_line(page: Page) -> None:
     tops_px = "all => all.map((one) => Math.round(one.getBoundingClientRect().top))"
     for width_px in (1440, 1024):
         page.set_viewport_size({"width": width_px, "height": 900})
+        page.click(".tp-tab-gains")
+        expect(page.get_by_role("button", name="Save", exact=True)).to_be_visible()
+        save = page.locator(".q-tab-panel:has([data-gain=kp]) .tp-buttons > button")
+        assert len(set(save.evaluate_all(tops_px))) == 1, width_px
+        page.click(".tp-tab-drive")
+        expect(page.locator(".tp-stick")).to_be_visible()
         buttons = page.locator(".tp-buttons > button:visible")
         assert buttons.count() == 4
         assert len(set(buttons.evaluate_all(tops_px))) == 1, width_px
@@ -170,6 +176,25 @@ def test_a_phone_shows_no_empty_message(page: Page) -> None:
     page.click(".tp-tab-gains")
     expect(page.locator("[data-gain=kp]")).to_be_visible()
     expect(page.locator(".tp-message").first).to_be_hidden()
+
+
+def test_a_phone_hides_the_map_beside_panels_that_do_not_need_it(page: Page, robot: FakeRobot) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    box = page.locator(".tp-mapbox")
+    for tab in ("gains", "tune", "sim"):
+        page.click(f".tp-tab-{tab}")
+        expect(box).to_be_hidden()
+    page.click("text=Add a pillar")
+    expect(box).to_be_visible()
+    page.click("[data-tool=pan]")
+    expect(box).to_be_hidden()
+    page.locator(".tp-estop").dispatch_event("pointerdown")
+    expect(page.locator(".tp-fault")).to_be_visible()  # it is on the map
+    page.click("text=Clear fault")
+    expect(box).to_be_hidden()
+    page.click(".tp-tab-drive")
+    expect(box).to_be_visible()
+    assert robot.fault == 0
 
 
 def test_phone_layout_shows_everything(page: Page, robot: FakeRobot) -> None:

@@ -56,8 +56,8 @@ class GainsPanel:
         with box("tp-buttons"):
             self._apply = self._button("Apply", self._on_apply, "tp-go")
             self._undo = self._button("Undo", self._on_undo, "tp-plain")
-            self._button("Revert to saved", self._on_revert, "tp-plain")
-            self._button("Save on board", self._on_save, "tp-plain")
+            self._button("Revert", self._on_revert, "tp-plain")
+            self._button("Save", self._on_save, "tp-plain")
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
         self._list = box("tp-gains")
         self._button("Read from board", self._load, "tp-plain")

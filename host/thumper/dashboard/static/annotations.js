@@ -1,6 +1,7 @@
 // Zones, places and objects of the map: the tools that draw them, and how they look.
 
 import { colour } from "./colours.js";
+import { Labels } from "./labels.js";
 import { drawArrow } from "./map_layers.js";
 import { send, state } from "./stream.js";
 
@@ -42,6 +43,7 @@ export class AnnotationBar {
     });
     this.bar.querySelector("[data-undo]").addEventListener("click", () => this.set(this.points.slice(0, -1)));
     this.kind.addEventListener("change", () => this.set(this.points));
+    this.name.addEventListener("input", () => this.set(this.points));
   }
 
   get isZone() {
@@ -69,6 +71,8 @@ export class AnnotationBar {
     const missing = MIN_CORNERS - points.length;
     this.save.disabled = this.isZone ? missing > 0 : points.length === 0;
     this.text.textContent = !this.isZone ? "Click the place" : missing > 0 ? "Click the corners" : `${points.length} corners`;
+    this.replaces = "";
+    this.save.textContent = "Save";
     this.name.placeholder = this.isZone ? "name (optional)" : "name, such as kitchen";
     this.tools.view.redraw();
   }
@@ -78,6 +82,12 @@ export class AnnotationBar {
     if (this.save.disabled) return;
     if (!this.isZone && !name) {
       this.name.focus();
+      return;
+    }
+    if (name !== this.replaces && features().some(({ properties }) => properties.name === name)) {
+      this.replaces = name; // the next press replaces it
+      this.text.textContent = `${name} exists already. Replace it?`;
+      this.save.textContent = "Replace";
       return;
     }
     const [kind, percent] = this.isZone ? this.kind.value.split(":") : ["place"];
@@ -90,7 +100,7 @@ export class AnnotationBar {
 
   draw(context, camera) {
     if (this.points.length === 0) return;
-    if (this.isZone) drawZone(context, camera, this.points, this.kind.value.split(":")[0], "");
+    if (this.isZone) drawZone(context, camera, this.points, this.kind.value.split(":")[0]);
     else drawArrow(context, camera, ...this.points[0], this.heading, "place");
     context.fillStyle = colour("place");
     for (const point of this.points) {
@@ -101,7 +111,7 @@ export class AnnotationBar {
   }
 }
 
-function drawZone(context, camera, ring, kind, label) {
+function drawZone(context, camera, ring, kind) {
   context.save();
   context.beginPath();
   for (const point of ring) context.lineTo(...camera.toScreen(...point));
@@ -113,42 +123,26 @@ function drawZone(context, camera, ring, kind, label) {
   context.globalAlpha = 1;
   if (kind === "slow") context.setLineDash([6, 4]); // a difference that needs no colours
   context.stroke();
-  if (label) {
-    const middle = [0, 1].map((axis) => ring.reduce((sum, point) => sum + point[axis], 0) / ring.length);
-    writeLabel(context, label, ...camera.toScreen(...middle));
-  }
   context.restore();
 }
 
-function writeLabel(context, text, px, py) {
-  context.font = "600 12px Roboto, sans-serif";
-  context.textAlign = "center";
-  context.setLineDash([]);
-  context.lineWidth = 3;
-  context.strokeStyle = colour("map-free");
-  context.strokeText(text, px, py);
-  context.fillStyle = colour("text");
-  context.fillText(text, px, py);
-}
-
 export function drawAnnotations(context, camera) {
+  const labels = new Labels();
   for (const { properties, geometry } of features(state.shown)) {
     const { kind, name, speed_percent, yaw_rad } = properties;
     if (geometry.type === "Point") { // a place or a tag
       drawArrow(context, camera, ...geometry.coordinates, yaw_rad ?? null, "place");
-      const [px, py] = camera.toScreen(...geometry.coordinates);
-      context.save();
-      writeLabel(context, name, px, py + 22);
-      context.restore();
+      labels.add(name, camera.toScreen(...geometry.coordinates));
     } else {
-      drawZone(context, camera, geometry.coordinates[0], kind, speed_percent ? `${name} ${speed_percent} %` : name);
+      const [ring] = geometry.coordinates;
+      drawZone(context, camera, ring, kind);
+      const middle = [0, 1].map((axis) => ring.reduce((sum, point) => sum + point[axis], 0) / ring.length);
+      labels.add(speed_percent ? `${name} ${speed_percent} %` : name, camera.toScreen(...middle), false);
     }
   }
   for (const [label, x, y] of state.shown.objects ?? []) { // seen by a detector
     drawArrow(context, camera, x, y, null, "slow");
-    const [px, py] = camera.toScreen(x, y);
-    context.save();
-    writeLabel(context, label, px, py + 22);
-    context.restore();
+    labels.add(label, camera.toScreen(x, y));
   }
+  labels.draw(context);
 }

@@ -3,6 +3,7 @@
 import { notify } from "./commands.js";
 import { editMap } from "./map_editor.js";
 import { playRecording } from "./playback.js";
+import { askInRow } from "./question.js";
 import { on, send, state } from "./stream.js";
 
 const AGES = [[86400, "d"], [3600, "h"], [60, "min"], [1, "s"]];
@@ -50,7 +51,6 @@ export function library(root) {
     button.title = icon ? text : "";
     button.setAttribute("aria-label", label);
     button.addEventListener("click", action);
-    return button;
   }
 
   function addRow(list, item, href, isMap) {
@@ -78,7 +78,6 @@ export function library(root) {
     else notify((await found.json()).detail, "bad"); // say why, if there is no such file here
   }
 
-  // A question in the row: a dialog of the browser would hold the page, and with it the robot.
   function askName(row, name, isMap, back) {
     const ending = isMap ? "" : ".mcap";
     row.replaceChildren();
@@ -107,14 +106,8 @@ export function library(root) {
       notify(`${name} is being played: end the playback first`, "bad");
       return;
     }
-    row.replaceChildren();
-    row.appendChild(document.createElement("label")).textContent = `Delete ${name} for good?`;
-    const button = addButton(row, "Delete", `Delete ${name} for good`, () => {
-      send({ kind: "delete", name });
-      back();
-    });
-    button.className = "tp-plain tp-danger";
-    addButton(row, "Keep", `Keep ${name}`, back).focus();
+    const act = () => send({ kind: "delete", name });
+    askInRow(row, { question: `Delete ${name} for good?`, verb: "Delete", name, act, back });
   }
 
   function addHint(list, text) {

@@ -1,6 +1,7 @@
 // Lists of the map's places, zones and AprilTags: drive to a place, patrol, remove.
 
 import { features } from "./annotations.js";
+import { askInRow } from "./question.js";
 import { keyHint } from "./shortcuts.js";
 import { on, send } from "./stream.js";
 
@@ -31,17 +32,22 @@ export function places(root) {
     send({ kind: "patrol", places: patrolNames(), rounds: Number(patrolBar.querySelector("select").value) });
   });
 
-  function addButton(row, text, label, message) {
+  function addButton(row, text, label, action) {
     const button = row.appendChild(document.createElement("button"));
     button.type = "button";
     button.className = "tp-plain";
     button.textContent = text;
     button.setAttribute("aria-label", label);
-    button.addEventListener("click", () => send(message));
+    button.addEventListener("click", action);
   }
 
-  function addRow(list, { kind, name, speed_percent }) {
-    const row = list.appendChild(document.createElement("li"));
+  function addRow(list, properties) {
+    showItem(list.appendChild(document.createElement("li")), properties);
+  }
+
+  function showItem(row, properties) {
+    const { kind, name, speed_percent } = properties;
+    row.replaceChildren();
     const title = row.appendChild(document.createElement("label"));
     if (kind === "place") {
       const tick = title.appendChild(document.createElement("input"));
@@ -53,7 +59,7 @@ export function places(root) {
         updatePatrol();
       });
       title.append(name);
-      addButton(row, "Go", `Drive to ${name}`, { kind: "place_goal", name });
+      addButton(row, "Go", `Drive to ${name}`, () => send({ kind: "place_goal", name }));
     } else if (kind === "tag") {
       title.append(name);
     } else {
@@ -61,7 +67,10 @@ export function places(root) {
       const note = title.appendChild(document.createElement("small"));
       note.textContent = speed_percent ? `${KINDS[kind]}, ${speed_percent} %` : KINDS[kind];
     }
-    addButton(row, "Remove", `Remove ${name}`, { kind: "remove_annotation", name });
+    const act = () => send({ kind: "remove_annotation", name });
+    const back = () => showItem(row, properties);
+    const question = { question: `Remove ${name} for good?`, verb: "Remove", name, act, back };
+    addButton(row, "Remove", `Remove ${name}`, () => askInRow(row, question));
   }
 
   function updatePatrol() {
