@@ -79,7 +79,7 @@ def test_a_held_key_drives_and_a_killed_program_stops(robot: Path, client: BusCl
         stdout=subprocess.PIPE,
     ) as process:
         assert process.stdout is not None
-        while b"handy" not in process.stdout.read1():  # type: ignore[attr-defined]
+        while b"armed |" not in process.stdout.read1():  # type: ignore[attr-defined]
             pass  # until it shows the robot's state: a key that is held at the start does not count
 
         os.write(ours, b"r")
@@ -99,7 +99,7 @@ def test_a_held_key_drives_and_a_killed_program_stops(robot: Path, client: BusCl
         until(lambda: wheels[-1].left_speed_mrad_s == wheels[-1].right_speed_mrad_s == 0)
     with subprocess.Popen(process.args, stdin=theirs, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
-        while b"handy" not in process.stdout.read1():  # type: ignore[attr-defined]
+        while b"armed |" not in process.stdout.read1():  # type: ignore[attr-defined]
             pass
         os.write(ours, b"q")
         assert b"the robot is still armed; `thumper stop` switches the motors off" in process.stdout.read()
@@ -169,7 +169,7 @@ def test_programs_go_on_when_the_robot_restarts(tmp_path: Path) -> None:
             ),
         ]
     try:
-        until(lambda: watched.stat().st_size > 0 and b"phoenix: idle" in shown.read_bytes())
+        until(lambda: watched.stat().st_size > 0 and b"disarmed |" in shown.read_bytes())
         until(lambda: list(folder.glob("*.mcap.part")))
         time.sleep(2.0)
         robot.kill()
@@ -177,9 +177,9 @@ def test_programs_go_on_when_the_robot_restarts(tmp_path: Path) -> None:
         seen, lines = len(shown.read_bytes()), watched.read_bytes().count(b"\n")
         robot = start(config)
         until(lambda: watched.read_bytes().count(b"\n") > lines + 10)
-        until(lambda: b"phoenix: idle" in shown.read_bytes()[seen:])
+        until(lambda: b"disarmed |" in shown.read_bytes()[seen:])
         os.write(ours, b"r")
-        until(lambda: b"CLOSED_LOOP" in shown.read_bytes()[seen:])  # it commands the new process
+        until(lambda: b"\x1b[Karmed |" in shown.read_bytes()[seen:])  # it commands the new process
         time.sleep(2.0)
     finally:
         programs.append(robot)

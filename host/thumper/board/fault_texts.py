@@ -6,11 +6,11 @@ UNREADABLE = (
     "its saved parameters are unreadable, or of another firmware version; `thumper tune` measures and saves "
     "the gains, the dashboard sets the others"
 )
-STATE_NAMES = {
-    State.DISARMED: "disarmed",
-    State.CLOSED_LOOP: "armed",
-    State.MANUAL: "manual",
-    State.FAULT: "fault",
+STATE_NAMES = {  # of `State`, in plain words
+    State.DISARMED.name: "disarmed",
+    State.CLOSED_LOOP.name: "armed",
+    State.MANUAL.name: "manual",
+    State.FAULT.name: "fault",
 }
 REFUSAL_REASONS = {
     AckStatus.UNKNOWN_COMMAND: "it does not know this command; flash the firmware of this program's version",

@@ -106,6 +106,7 @@ def _status_json(status: Any) -> dict[str, Any]:
 def _status_text(
     message: Any, live: Mapping[str, Any], mapping: Mapping[str, str], wheels: Mapping[str, Any]
 ) -> str:
+    from thumper.board.fault_texts import STATE_NAMES
     from thumper.common.texts import place_text
 
     m = message
@@ -123,7 +124,7 @@ def _status_text(
     if mapping:
         lines.append(f"mode     {mode_text(mapping)}")
         lines += [f"earth    {text}"] if (text := earth_text(mapping)) else []
-    lines.append(f"board    {m.board_state.lower().replace('_', ' ')}")
+    lines.append(f"board    {STATE_NAMES.get(m.board_state, 'no answer')}")
     if m.fault:
         lines.append(f"fault    {m.fault_words}: {m.fault_cure}")
     if wheels:

@@ -1,6 +1,7 @@
 """`thumper teleop`: drive a running robot manually with keyboard or gamepad."""
 
 import time
+from collections.abc import Mapping
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,17 +13,18 @@ from thumper.cli.output.status_line import one_row
 
 if TYPE_CHECKING:
     from thumper.bus.status_watchdog import StatusWatchdog
+    from thumper.common.geometry import Twist2
     from thumper.teleop.gamepad import Gamepad
     from thumper.teleop.teleop_loop import TeleopLoop
 
 LINE_PERIOD_S = 0.2
 ARMED = ("CLOSED_LOOP", "MANUAL")
-HELP = """r: arm, then hold a key to drive:   u i o    (or the arrow keys; with Shift: turbo)
-                                    j k l    k stops
+HELP = """r: arm, then hold a key to drive:   u i o   (or the arrow keys; Shift: turbo)
+                                    j k l   k stops
                                     m , .
 Space, Esc: EMERGENCY STOP   c: clear the fault   f: disarm   q: quit
-gamepad: hold LB to drive (RB: turbo), left stick forward, right stick turns, B: EMERGENCY STOP,
-         Start: arm, Back: disarm, hold X: ignore obstacles"""
+gamepad: hold LB to drive (RB: turbo), left stick forward, right stick turns,
+         B: EMERGENCY STOP, Start: arm, Back: disarm, hold X: ignore obstacles"""
 
 NO_TERMINAL = "no terminal, so no keys: drive with a gamepad, plugged in now or later"
 
@@ -57,9 +59,7 @@ def teleop(
     latest: dict[str, str] = {}
     with ExitStack() as stack:
         client = stack.enter_context(connect(config, bus, robot))
-        client.subscribe(
-            "status", lambda message: latest.update(status=status_text(message), board=message.board_state)
-        )
+        client.subscribe("status", lambda message: latest.update(_newest(message)))
         client.subscribe("events", lambda message: latest.update(event=message.msg))
         pad = _gamepad(stack) if gamepad else None
         terminal = stack.enter_context(raw_terminal())
@@ -73,7 +73,7 @@ def teleop(
         )
         stack.callback(loop.release)
         try:
-            watchdog = StatusWatchdog(client, lambda line: latest.update(status=line))
+            watchdog = StatusWatchdog(client, lambda line: latest.update(state=line, detail=""))
             period_s = 1.0 / settings.teleop.rate_Hz
             _drive(loop, pad, latest, watchdog, period_s, status_line=terminal is not None)
         except KeyboardInterrupt:
@@ -106,9 +106,7 @@ def _drive(
                 print(f"\r\033[K{event}" if status_line else event, flush=True)
                 last_event = event
             if status_line:
-                device = pad.name if pad and pad.name else "keyboard"
-                speeds = f"{loop.twist.v_m_s:+.2f} m/s {loop.twist.w_rad_s:+.2f} rad/s"
-                print(one_row(f"{device}: {speeds} | {latest.get('status', '')}"), end="", flush=True)
+                print(one_row(_status(loop.twist, latest, pad)), end="", flush=True)
         due_s = max(due_s + period_s, now_s)  # do not catch up on missed cycles
         time.sleep(max(0.0, due_s - now_s))
 
@@ -126,10 +124,22 @@ def _gamepad(stack: ExitStack) -> "Gamepad | None":
     return pad
 
 
-def status_text(message: Any) -> str:
-    """Return the robot's state, and why it is in it."""
-    if message.fault:  # the fix repeats the reason
-        detail = f": {message.fault_words}: {message.fault_cure}"
-    else:
-        detail = f" ({message.reason})" if message.reason else ""
-    return f"{message.robot}: {message.mode}, {message.board_state}{detail}"
+def _status(twist: "Twist2", latest: Mapping[str, str], pad: "Gamepad | None") -> str:
+    """Return the status line, the most important first: a terminal may cut it."""
+    speeds = f"{twist.v_m_s:+.2f} m/s {twist.w_rad_s:+.2f} rad/s"
+    device = pad.name if pad and pad.name else "keyboard"
+    return " | ".join(filter(None, (latest.get("state", ""), speeds, latest.get("detail", ""), device)))
+
+
+def _newest(message: Any) -> dict[str, str]:
+    """Return the state of the robot in plain words, and what else the operator must know."""
+    from thumper.board.fault_texts import STATE_NAMES
+
+    state, detail = STATE_NAMES.get(message.board_state, ""), message.reason
+    if message.fault:
+        state, detail = f"FAULT, {message.fault_words}", "c: clear it"  # an event line shows the fix
+    elif detail.startswith("driven by"):  # a program, or this one, which may be slowed before an obstacle
+        detail = detail.partition("; ")[2]
+    if detail == state:  # armed
+        detail = ""
+    return {"state": state, "detail": detail, "board": message.board_state}

@@ -183,7 +183,7 @@ class Robot(HintedAttributes):
         if not self._is_open:
             return f"<Robot {port}: closed {place}>"
         if telemetry is not None:
-            place += f", {telemetry.battery_mV / 1000.0:.1f} V, {STATE_NAMES[telemetry.state]}"
+            place += f", {telemetry.battery_mV / 1000.0:.1f} V, {STATE_NAMES[telemetry.state.name]}"
         return f"<Robot {port} {place}>"
 
     def forward(self, distance_m: float, *, v_m_s: float = 0.25, unseen: bool = False) -> DriveResult:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from thumper.board.fault_texts import STATE_NAMES
 from thumper.board.messages import Telemetry
 from thumper.camera.frame import jpeg_shape
 from thumper.common.geometry import FloatArray, Pose2
@@ -195,7 +196,7 @@ def _status(msg: Message) -> str:
     goal = f", {msg.distance_to_goal_m:z.2f} m to go" if msg.has_goal else ""
     fault = f", {msg.fault_words}: {msg.fault_cure}" if msg.fault else ""
     return (
-        f"{msg.mode}{reason}{goal}; board {msg.board_state.lower()}{fault}; "
+        f"{msg.mode}{reason}{goal}; board {STATE_NAMES.get(msg.board_state, 'silent')}{fault}; "
         f"loop {1e3 * msg.loop_late_s:z.1f} ms late, busy for {1e3 * msg.loop_busy_s:z.1f} ms"
     )
 

@@ -128,7 +128,7 @@ SAMPLES: list[tuple[Any, str]] = [
     ),
     (
         SIMULATED.status(STATUS),
-        "4.00 s: driving (on its way), 1.25 m to go; board closed_loop; loop 0.0 ms late, busy for 0.0 ms",
+        "4.00 s: driving (on its way), 1.25 m to go; board armed; loop 0.0 ms late, busy for 0.0 ms",
     ),
     (SIMULATED.event(3.0, INFO, "a wheel slips", "robot"), "3.00 s: robot: a wheel slips"),
     (
