@@ -1,6 +1,8 @@
 """What `run` and `explore` share: their common options, opening the robot, and the files of a run."""
 
+import errno
 import math
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -73,10 +75,17 @@ class RunOptions:
         Raises
         ------
         ThumperError
-            --ui-port, the start pose, the configuration, the bus address or the folder is unusable.
+            --ui-port, the map, the session, the start pose, the configuration, the bus address or the folder
+            is unusable.
         """
         if self.ui_port and not self.ui:
             raise ThumperError("--ui-port belongs to --ui", exit_code=EXIT_USAGE)
+        for path in (self.saved_map, self.session):
+            if path is not None and not path.exists():  # before what comes first: a busy bus or folder
+                raise ThumperError(
+                    f"{path}: cannot be read ({os.strerror(errno.ENOENT)}); check the path",
+                    exit_code=EXIT_USAGE,
+                )
         if self.start is not None:
             check_place("--start", *self.start[:2])
         configured = load_config(self.config)

@@ -1,10 +1,36 @@
-"""The options of a run in another simulated world."""
+"""The options of a run: what is checked first, and those of another simulated world."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 
 from thumper.cli.robot_run import RunOptions
+from thumper.common.errors import ThumperError
+
+
+def _options(out: Path) -> RunOptions:
+    return RunOptions(
+        config=None,
+        board="sim://",
+        lidar="",
+        bus="",
+        start=None,
+        session=None,
+        out=out,
+        record=False,
+        record_to=None,
+    )
+
+
+@pytest.mark.parametrize("option", ["saved_map", "session"])
+def test_a_missing_file_is_reported_before_a_folder_that_is_in_use(tmp_path: Path, option: str) -> None:
+    out, missing = tmp_path / "file", tmp_path / "nofile"
+    out.touch()  # cannot be a folder
+    options = replace(_options(out), **cast("Any", {option: missing}))
+    with pytest.raises(ThumperError, match=f"^{missing}: cannot be read .*; check the path$"):
+        options.load_settings()
 
 
 @pytest.mark.parametrize(
@@ -20,16 +46,12 @@ def test_another_world_keeps_the_robot_and_starts_a_new_map(
 ) -> None:
     path = tmp_path / "robot.toml"
     path.write_text(f"[board]\n{config}\n")
-    options = RunOptions(
+    options = replace(
+        _options(tmp_path),
         config=path,
         board=board,
-        lidar="",
-        bus="",
         start=(1.0, 0.0, 90.0),
         session=tmp_path / "map.session",
-        out=tmp_path,
-        record=False,
-        record_to=None,
     )
     other = options.in_world("hall", tmp_path / "hall")
     assert (other.board, other.start, other.session, other.out) == (expected, None, None, tmp_path / "hall")
