@@ -36,8 +36,8 @@ DEFAULT_BEHAVIOURS: tuple[Behaviour, ...] = (
     "wait",
 )
 NAMES: dict[Behaviour, str] = {
-    "conservative_reset": "conservative reset",
-    "aggressive_reset": "aggressive reset",
+    "conservative_reset": f"forgetting obstacles beyond {CONSERVATIVE_RESET_M:g} m",
+    "aggressive_reset": f"forgetting obstacles beyond {AGGRESSIVE_RESET_M:g} m",
     "rotate": "rotating in place",
     "back_up": "backing up",
     "wait": "waiting for the path to clear",

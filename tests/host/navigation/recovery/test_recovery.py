@@ -76,9 +76,9 @@ def test_recoveries_run_in_order_and_every_one_is_a_transition() -> None:
     assert tuple(heard) == navigator.transitions
     begun = [entry.reason.split(",")[0] for entry in heard if entry.after == "recovering"]
     assert begun == [
-        "conservative reset",
+        "forgetting obstacles beyond 0.5 m",
         "rotating in place",
-        "aggressive reset",
+        "forgetting obstacles beyond 0.3 m",
         "rotating in place",
         "backing up",
         "waiting for the path to clear",
