@@ -84,6 +84,7 @@ def test_a_request_stops_the_experiment(
     state = ask(robot, "experiment/state", {})
     assert state["problem"] == problem
     assert 0.0 < state["share"] < 0.2
+    assert state["what"].startswith("measuring the motors: PWM ")
     assert state_after(robot) is (State.FAULT if problem == "emergency stop" else State.DISARMED)
 
 
@@ -167,11 +168,11 @@ def test_only_one_experiment_at_a_time(robot: RobotLoop) -> None:
 def test_progress_of_tuning_never_goes_back() -> None:
     shares: list[float] = []
     progress = WholeProgress(lambda done, total, what: shares.append(done / total))
-    for title in ("recording: pulses", "computing", "computing the gains"):
+    for title in ("measuring the motors: pulses", "computing", "computing the gains"):
         progress.report_progress(0, 0, title)
-    for _ in range(2):
-        progress.report_progress(0, 0, "returning to the start")
+    for gains in ("old", "new"):
+        progress.report_progress(0, 0, "driving back to the start")
         for done in range(101):
-            progress.report_progress(done, 100, f"verifying: {done}")
+            progress.report_progress(done, 100, f"driving with the {gains} gains: {done}")
     assert shares == sorted(shares)
     assert shares[-1] == 1.0

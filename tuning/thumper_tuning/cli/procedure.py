@@ -21,6 +21,7 @@ from thumper_tuning.report.page import BoardResults, write_report
 from thumper_tuning.report.text import design_lines, is_better, tracking_change, tracking_lines
 
 T = TypeVar("T")
+GAINS = {"before": "old", "after": "new"}
 MotorText = Callable[[IdentifiedMotor], list[str]]
 
 
@@ -56,8 +57,10 @@ class BoardProcedure:
 
     def identify(self, options: ExcitationOptions) -> list[IdentifiedMotor]:
         """Drive the identification experiment and identify the motors."""
-        log = record(self.board, options, self.folder / "identification.csv", self._report_as("recording"))
-        self.progress.report_progress(0, 0, "computing the motor models; takes up to a minute")
+        log = record(
+            self.board, options, self.folder / "identification.csv", self._report_as("measuring the motors")
+        )
+        self.progress.report_progress(0, 0, "computing the motor models (takes up to a minute)")
         counts_per_rev = self.board.identity.counts_per_rev
         motors = self.progress.run_in_thread(
             lambda: [identify(logs) for logs in read_runs([log], counts_per_rev)]
@@ -74,7 +77,7 @@ class BoardProcedure:
         """
         start_m = distance_m(self.board)
         motors = self.identify(options.excitation)
-        self.progress.report_progress(0, 0, "computing the gains; takes up to a minute")
+        self.progress.report_progress(0, 0, "computing the gains (takes up to a minute)")
         result = self.progress.run_in_thread(lambda: self._design(motors, options.design))
         self._report_lines(design_lines(result))
         write_gains_file(self.folder / "gains.json", result)
@@ -95,11 +98,13 @@ class BoardProcedure:
         return design(*nominal_model(motors), dataclasses.replace(options, period_s=period_s))
 
     def _verify(self, name: str, gains: BoardGains, options: VerifyOptions, start_m: float) -> Verification:
-        self.progress.report_progress(0, 0, "returning to the start")
+        self.progress.report_progress(0, 0, "driving back to the start")
         return_to(self.board, start_m)
         self.progress.report_line(f"{name}:")
         path = self.folder / f"verify_{name}.csv"
-        result = verify(self.board, gains, options, path, self._report_as("verifying"))
+        result = verify(
+            self.board, gains, options, path, self._report_as(f"driving with the {GAINS[name]} gains")
+        )
         self._report_lines(tracking_lines(result))
         return result
 

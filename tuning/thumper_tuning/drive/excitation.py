@@ -44,13 +44,16 @@ def excitation_blocks(options: ExcitationOptions, rate_Hz: float) -> list[Block]
     found = []
     for level in options.steps_pwm:
         step = np.full(round(options.step_s * rate_Hz), level, dtype=np.int64)
-        found += [Block(levels=np.concatenate((step, pause)), name=f"step {level}")] * 2
+        found += [Block(levels=np.concatenate((step, pause)), name=f"PWM {level} on and off")] * 2
     for _ in range(options.switching_blocks):
         levels: list[int] = []
         while len(levels) < options.block_s * rate_Hz:
             hold = round(float(rng.choice((0.1, 0.2, 0.3))) * rate_Hz)
             levels += [options.high_pwm if rng.random() < 0.5 else options.low_pwm] * max(hold, 1)
         found.append(
-            Block(levels=np.concatenate((np.array(levels, dtype=np.int64), pause[::2])), name="switching")
+            Block(
+                levels=np.concatenate((np.array(levels, dtype=np.int64), pause[::2])),
+                name=f"switching between PWM {options.low_pwm} and {options.high_pwm}",
+            )
         )
     return found

@@ -145,7 +145,7 @@ class _TrapezoidDrive:
             left = (t.left_setpoint / 1e3, t.left_speed / 1e3, t.left_pwm)
             right = (t.right_setpoint / 1e3, t.right_speed / 1e3, t.right_pwm)
             self._rows.append((sample.time_s, acceleration, direction, *left, *right, t.battery_mV / 1e3))
-            self._report_progress(len(self._rows), self._total, f"{acceleration:g} rad/s^2")
+            self._report_progress(len(self._rows), self._total, f"speeding up at {acceleration:g} rad/s²")
 
 
 def tracking_error(rows: FloatArray, acceleration: float) -> TrackingError:
