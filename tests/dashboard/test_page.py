@@ -41,6 +41,8 @@ def test_status_names_the_experiment_that_drives(page: Page, robot: FakeRobot) -
     robot.experiment = "tune"
     expect(mode).to_have_text("tuning wheels")
     expect(page.locator("[data-field=reason]")).to_have_text("step 3")
+    page.click(".tp-tab-tune")
+    expect(page.locator(".tp-tune .tp-message")).to_have_text("20 %: step 3")
     robot.experiment = ""
     expect(mode).to_have_text("idle")
 

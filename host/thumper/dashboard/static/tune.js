@@ -67,7 +67,7 @@ export function tune(root) {
     progressBar.style.width = `${100 * (running ? state.share : 0)}%`;
     message.classList.toggle("bad", Boolean(state?.problem));
     message.textContent = running
-      ? `${running}: ${state.what} ${state.share ? Math.round(100 * state.share) + " %" : ""}`
+      ? [state.share ? `${Math.round(100 * state.share)} %` : "", state.what].filter(Boolean).join(": ")
       : state?.problem ?? "This robot cannot run experiments.";
     resultLines.replaceChildren(...(state?.lines ?? []).map((line) => {
       const row = document.createElement("div");
