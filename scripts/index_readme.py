@@ -2,6 +2,7 @@
 
 import re
 
+IMAGE = re.compile(r'<img src="(?P<path>[^":]+)"(?P<rest>[^>]*)>')
 LINK = re.compile(r"(?P<image>!?)\[(?P<text>[^\]]*)\]\((?!https?:)(?P<path>[^)\s]+)\)")
 
 
@@ -18,4 +19,7 @@ def absolute(markdown: str, base: str) -> str:
             return "" if image else text
         return f"{image}[{text}]({base.format(kind='raw' if image else 'blob')}/{path})"
 
-    return LINK.sub(replaced, markdown)
+    def replaced_image(match: re.Match[str]) -> str:
+        return f'<img src="{base.format(kind="raw")}/{match["path"]}"{match["rest"]}>' if base else ""
+
+    return IMAGE.sub(replaced_image, LINK.sub(replaced, markdown))

@@ -17,8 +17,10 @@ def test_description_on_an_index_has_no_relative_links() -> None:
     for base in ("", "https://example.org/{kind}/v1"):
         shown = absolute(text, base)
         assert not re.findall(r"\]\((?!https://)[^)]*\)", shown)
+        assert not re.findall(r'src="(?!https://)', shown)
     assert "![Two missions" in text
     assert "](https://example.org/raw/v1/docs/images/missions.png)" in shown
+    assert '<img src="https://example.org/raw/v1/docs/images/explore.webp" width=' in shown
     assert "](https://example.org/blob/v1/docs/explanation/safety.md)" in shown
 
 
