@@ -15,6 +15,16 @@ from tests.variants import some_of
 from thumper.runtime.requests import EmergencyStop
 
 
+def test_page_that_is_not_connected_yet_does_not_report_a_lost_connection(
+    browser: Browser, server: Server
+) -> None:
+    page = browser.new_page()
+    page.add_init_script("window.WebSocket = class { static OPEN = 1; readyState = 0; close() {} };")
+    page.goto(server.url)
+    expect(page.locator("#tp-banner")).to_have_text("Connecting to the dashboard server …")
+    page.close()
+
+
 def test_page_reconnects_to_a_restarted_server(page: Page, server: Server, robot: FakeRobot) -> None:
     server.kill()
     expect(page.locator("#tp-banner")).to_contain_text("No connection")

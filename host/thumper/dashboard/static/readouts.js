@@ -119,6 +119,7 @@ function formatDuration(seconds) {
 // Return the banner's kind and text. `silent_s` is the time since the robot's last message; null before the first.
 // A page without an `address` starts the robot itself.
 function bannerContent({ status, silent_s }, address) {
+  if (state.packets === 0) return ["lost", "Connecting to the dashboard server …"];
   if (!state.connected) return ["lost", "No connection to the dashboard server. Manual driving stops, a goal goes on."];
   if (isMissing(silent_s)) {
     return ["lost", address ? `No robot at ${address}; start \`thumper run\`.` : "No robot is running yet: step 4 starts it."];
