@@ -1,12 +1,11 @@
 """Shows a drive on the terminal: a progress bar; elsewhere a line every few seconds."""
 
-import sys
-
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Column
 
 from thumper.cli.output.status_line import PLAIN_PERIOD_S
+from thumper.cli.output.stderr_report import report_to_stderr
 from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
 from thumper.gps.earth_reference import PLACE_UNKNOWN
 from thumper.ros.codec import Message
@@ -76,7 +75,7 @@ class ProgressDisplay:
 def print_problems(topic: str, _time_s: float, message: Message) -> None:
     """Print the warnings and errors among the events of a running robot, as they happen."""
     if topic == "events" and message.level >= WARN:
-        print(f"thumper: {message.msg}", file=sys.stderr, flush=True)
+        report_to_stderr(message.msg)
 
 
 def print_warnings(robot: RobotLoop, console: Console) -> None:

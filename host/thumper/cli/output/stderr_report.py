@@ -1,6 +1,7 @@
 """Lines on stderr, apart from the output of a command."""
 
 import sys
+import time
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -8,8 +9,8 @@ if TYPE_CHECKING:
 
 
 def report_to_stderr(text: str) -> None:
-    """Print a line about the robot or the bus, apart from the command's output."""
-    print(f"thumper: {text}", file=sys.stderr, flush=True)
+    """Print a line about the robot or the bus, with the time of day: the command may run for hours."""
+    print(f"{time.strftime('%H:%M:%S')} thumper: {text}", file=sys.stderr, flush=True)
 
 
 def report_unused_ports(configured: "RobotConfig", used: "RobotConfig") -> None:
@@ -17,4 +18,5 @@ def report_unused_ports(configured: "RobotConfig", used: "RobotConfig") -> None:
     from thumper.config.robot import unused_ports
 
     if used.board.port.startswith("sim:") and (unused := unused_ports(configured, used)):
-        report_to_stderr(f"the simulated board brings its own sensors; not used: {', '.join(unused)}")
+        text = f"thumper: the simulated board brings its own sensors; not used: {', '.join(unused)}"
+        print(text, file=sys.stderr, flush=True)
