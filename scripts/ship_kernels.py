@@ -14,7 +14,7 @@ from typing import get_args
 
 from rich.console import Console
 
-from thumper.common.compile_progress import compile_progress
+from thumper.common.compile_progress import KernelCounter, compile_progress
 from thumper.common.geometry import Pose2
 from thumper.common.numba_kernel import SHIP_VARIABLE
 from thumper.config.robot import RobotConfig
@@ -26,31 +26,39 @@ from thumper_hil.demo.missions import MISSIONS
 from thumper_hil.demo.run import drive_mission
 from thumper_tuning.warm_up import warm_up as warm_up_identification
 
+_counters: list[KernelCounter] = []  # of the second process
+KERNELS = 411  # of all options and of the simulator
 
-def compile_mappers() -> int:
-    """Compile what is missing of the mappers and of the identification; return how many kernels that were."""
+
+def _share(counter: KernelCounter) -> None:
+    _counters.append(counter)
+
+
+def compile_mappers() -> None:
+    """Compile what is missing of the mappers and of the identification."""
     config = RobotConfig()
-    with compile_progress(Console(quiet=True)) as progress:
+    with compile_progress(Console(quiet=True), counter=_counters[0]):
         for method in get_args(Method):
             robot_mapper(replace(config, mapping=replace(config.mapping, method=method)), Pose2()).warm_up()
         warm_up_identification()
-    return progress.count
 
 
 def ship_kernels(console: Console) -> None:
     """Compile what is missing."""
     config = RobotConfig()
     options = config.navigation
+    context = get_context("spawn")
+    counter = context.Value("i", 0)
     with (
-        ProcessPoolExecutor(1, mp_context=get_context("spawn")) as second_process,
-        compile_progress(console) as progress,
+        ProcessPoolExecutor(1, context, initializer=_share, initargs=(counter,)) as second_process,
+        compile_progress(console, expected=KERNELS, counter=counter),
     ):
         mappers = second_process.submit(compile_mappers)
         for planner in PLANNERS:
             warm_up_navigation(replace(options, planner=planner), config.footprint)
         for controller in CONTROLLERS:
             warm_up_navigation(replace(options, controller=controller, tracker=""), config.footprint)
-        progress.count += mappers.result()
+        mappers.result()
         for mission in MISSIONS:
             drive_mission(mission, seed=0, realtime=False, console=Console(quiet=True))
 

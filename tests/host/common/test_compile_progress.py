@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from thumper.common import compile_progress as compile_progress_module
-from thumper.common.compile_progress import compile_progress
+from thumper.common.compile_progress import FIRST_START, compile_progress
 
 KERNELS = 12
 
@@ -20,12 +20,12 @@ def compile_some() -> None:
 def test_compiling_shows_the_number_without_a_terminal_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compile_progress_module, "COUNTED_KERNELS", 5)
     written = io.StringIO()
-    with compile_progress(Console(file=written), "loading"):
+    with compile_progress(Console(file=written), "loading", expected=9):
         compile_some()
     assert written.getvalue().splitlines() == [
         "compiling for this computer, once: 1 to 2 minutes",
-        "5 kernels so far",
-        "10 kernels so far",
+        "5 of about 9 kernels",
+        "10 kernels",
         f"compiled {KERNELS} kernels",
     ]
 
@@ -35,7 +35,7 @@ def test_a_terminal_shows_the_number_and_keeps_one_line() -> None:
     with compile_progress(Console(file=written, force_terminal=True), "loading"):
         compile_some()
     kept = written.getvalue().rpartition("\x1b[2K")[2]
-    assert "kernels so far" in written.getvalue()
+    assert f"; {KERNELS} of about {FIRST_START} kernels" in written.getvalue()
     assert kept.count("\n") == 1
     assert f"compiled \x1b[1;36m{KERNELS}\x1b[0m kernels" in kept
 
