@@ -247,11 +247,11 @@ def loop() -> None:
     for name, times in (("navigation", cycles), ("SLAM", slam)):
         p50, p99 = 1e3 * np.percentile(times, (50, 99))
         ours = name == "navigation"
-        figure(f"the robot's loop, {name}: median / 99 %", f"{p50:.1f} / {p99:.1f}", "ms",
+        figure(f"the robot's loop in the demo, {name}: median / 99 %", f"{p50:.1f} / {p99:.1f}", "ms",
                aim="- / <= 20" if ours else "")  # fmt: skip
-        figure(f"the robot's loop, {name}: share of a core", f"{sum(times) / driven_s:.3f}", "",
+        figure(f"the robot's loop in the demo, {name}: share of a core", f"{sum(times) / driven_s:.3f}", "",
                aim="<= 0.3" if ours else "", peers="move_base with costmaps 0.07 to 0.10" if ours else "",
-               source="the same BARN worlds" if ours else "")  # fmt: skip
+               source="in the BARN worlds, not the demo" if ours else "")  # fmt: skip
         print(
             f"  {name}: p50 {p50:.2f} ms, p99 {p99:.2f} ms, max {1e3 * max(times):.2f} ms, "
             f"{sum(times) / driven_s:.3f} core s per simulated s"

@@ -104,7 +104,7 @@ HEADLINES: tuple[tuple[str, str], ...] = (
     ("slam", "scan_match, Intel: path error"),
     ("slam", "scan_match, Intel: CPU per scan, mean / 99 %"),
     ("localization_logs", "localization inside: confirmed right / never / wrong"),
-    ("navigation", "the robot's loop, navigation: share of a core"),
+    ("navigation", "the robot's loop in the demo, navigation: share of a core"),
     ("navigation_barn", "BARN x 0.61, dwa + cascade, nominal, 0.5 m/s, seed 0: successes"),
     (
         "navigation_people",

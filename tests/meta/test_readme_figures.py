@@ -46,7 +46,7 @@ def test_encoder_edges() -> None:
         (
             "[navigation](",
             "navigation",
-            "the robot's loop, navigation: share of a core",
+            "the robot's loop in the demo, navigation: share of a core",
             "{:.3f} in the demo",
         ),
         ("[map, Intel", "slam", "slam, Intel: path error", "(`scan_match`): {:.3f} m"),
