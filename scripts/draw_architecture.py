@@ -100,12 +100,27 @@ def _arrows(placed: dict[str, Spot]) -> Iterator[str]:
             (left, top), (to_left, to_top) = placed[name], placed[target]
             x, y = left + 0.5 * BOX_WIDTH, top + BOX_HEIGHT
             to_x = to_left + 0.5 * BOX_WIDTH
-            bend = 0.5 * (to_top - y)
-            yield (
-                f'<path d="M{x:.0f} {y:.0f} C{x:.0f} {y + bend:.0f} {to_x:.0f} {to_top - bend:.0f} '
-                f'{to_x:.0f} {to_top:.0f}" fill="none" stroke="#64748b" stroke-width="1.5" '
-                'marker-end="url(#tip)"/>'
-            )
+            path = f"M{x:.0f} {y:.0f}"
+            row_top = top + ROW_HEIGHT
+            while row_top < to_top:  # between the boxes of the rows that it passes
+                straight_x = x + (to_x - x) * (row_top - y) / (to_top - y)
+                gap_x = min(_gaps(placed, row_top), key=lambda gap: abs(gap - straight_x))
+                path += _bend(x, y, gap_x, row_top) + f" V{row_top + BOX_HEIGHT:.0f}"
+                x, y, row_top = gap_x, row_top + BOX_HEIGHT, row_top + ROW_HEIGHT
+            path += _bend(x, y, to_x, to_top)
+            yield f'<path d="{path}" fill="none" stroke="#64748b" stroke-width="1.5" marker-end="url(#tip)"/>'
+
+
+def _gaps(placed: dict[str, Spot], row_top: float) -> list[float]:
+    """Return where an arrow can pass a row: between its boxes, and beside them."""
+    lefts = sorted(left for left, top in placed.values() if top == row_top)
+    half_gap = 0.5 * (min(WIDTH / len(lefts), BOX_WIDTH + 60.0) - BOX_WIDTH)
+    return [lefts[0] - half_gap, *(left + BOX_WIDTH + half_gap for left in lefts)]
+
+
+def _bend(x: float, y: float, to_x: float, to_y: float) -> str:
+    bend = 0.5 * (to_y - y)
+    return f" C{x:.0f} {y + bend:.0f} {to_x:.0f} {to_y - bend:.0f} {to_x:.0f} {to_y:.0f}"
 
 
 def _boxes(placed: dict[str, Spot]) -> Iterator[str]:
@@ -117,7 +132,10 @@ def _boxes(placed: dict[str, Spot]) -> Iterator[str]:
         )
         title = "thumper" if name == "__init__" else name
         yield f'<text x="{middle:.0f}" y="{top + 20:.0f}" font-weight="bold" fill="#1f2933">{title}</text>'
-        for row, text in enumerate(wrap(purpose(name), 31)[:2]):
+        lines = wrap(purpose(name), 31)
+        if len(lines) > 2:
+            raise ValueError(f"{name}: shorten the first sentence of its docstring to two lines of 31")
+        for row, text in enumerate(lines):
             yield (
                 f'<text x="{middle:.0f}" y="{top + 39 + 16 * row:.0f}" font-size="12" fill="#475569">'
                 f"{escape(text)}</text>"

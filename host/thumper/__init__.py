@@ -1,4 +1,7 @@
-"""The brain of a differential-drive robot: `Robot`, `DriveResult`, `Pose2`, `ThumperError`."""
+"""The brain of a differential-drive robot.
+
+Scripts import `Robot`, `DriveResult`, `Pose2` and `ThumperError` from here.
+"""
 
 from thumper.common.errors import ThumperError
 from thumper.common.version import __version__

@@ -1,1 +1,1 @@
-"""The robot live in Foxglove: topics, description and commands."""
+"""Topics and commands of the robot in Foxglove."""

@@ -1,1 +1,1 @@
-"""GPS: drivers, fixes, the local tangent plane and the fusion with the odometry."""
+"""GPS: drivers, fixes, and their fusion with the odometry."""

@@ -1,4 +1,4 @@
-"""From pose, map and scan to a twist: costmap, planner, controller, collision monitor, recoveries.
+"""Pose, map and scan in, twist out.
 
 The runtime needs `navigator.Navigator`, `options.NavigationOptions`, `footprint.Footprint`, `goal.Goal` and
 `warm_up.warm_up`. Nothing is imported here, so that `--help` does not load numba.
