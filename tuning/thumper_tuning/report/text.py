@@ -90,12 +90,12 @@ def design_lines(design: Design) -> list[str]:
         f"  {name:13} {value:9.4f} {PARAMETER_SPECS[name].unit:20} (stored as {wire[name]})"
         for name, value in design.gains.items()
     ]
-    lines.append(
+    lines += [
         f"  Ms {margins.max_sensitivity:.2f} (other battery or load: up to {worst.max_sensitivity:.2f}), "
         f"gain margin {margins.gain_margin_dB:.1f} dB, phase margin {margins.phase_margin_deg:.0f} deg, "
-        f"delay margin {margins.delay_margin_s:.3f} s; PI alone: settles in {step.settling_time_s:.2g} s, "
-        f"overshoot {step.overshoot_percent:.0f} %"
-    )
+        f"delay margin {margins.delay_margin_s:.3f} s",
+        f"  PI alone: settles in {step.settling_time_s:.2g} s, overshoot {step.overshoot_percent:.0f} %",
+    ]
     if not worst.stable:
         lines.append(
             "  note: with another battery or load these gains make the loop unstable; choose a smaller Ms"
