@@ -214,7 +214,12 @@ def test_text_and_pictures_can_be_read(browser: Browser, site: Path, name: str, 
         "[...document.querySelectorAll('article img')].map((i) => getComputedStyle(i).filter)"
     )
     assert filters
-    assert {text.startswith("invert") for text in filters} == {scheme == "dark"}
+    assert {text.startswith("invert(1)") for text in filters} == {scheme == "dark"}
+    # "screen" gives a black ground the colour of the page
+    blends = page.evaluate(
+        "[...document.querySelectorAll('article img')].map((i) => getComputedStyle(i).mixBlendMode)"
+    )
+    assert set(blends) == {"screen" if scheme == "dark" else "normal"}
     page.close()
 
 
@@ -257,4 +262,53 @@ def test_descriptions_of_options_keep_room_for_words_on_a_phone(
     page.goto((pages / name).as_uri())
     widths = page.locator("article td:nth-child(4)").evaluate_all("all => all.map((one) => one.offsetWidth)")
     assert min(widths) >= 200
+    page.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "width"),
+    [("explanation/safety", 390), ("explanation/security", 390), ("results/navigation", 1440)],
+)
+def test_tables_fit_their_window(browser: Browser, pages: Path, name: str, width: int) -> None:
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto((pages / f"{name}.html").as_uri())
+    cut = page.locator(".md-typeset__scrollwrap").evaluate_all(
+        "all => all.filter((one) => one.scrollWidth > one.clientWidth).map((one) => one.innerText)"
+    )
+    assert cut == []
+    page.close()
+
+
+def test_answers_are_wider_than_their_links_on_a_phone(browser: Browser, pages: Path) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 900})
+    page.goto((pages / "results/navigation.html").as_uri())
+    table = page.locator("article table").first
+    answer, link = table.locator("td:nth-child(2), td:nth-child(3)").evaluate_all(
+        "all => all.slice(0, 2).map((one) => one.offsetWidth)"
+    )
+    assert answer > link
+    page.close()
+
+
+def test_first_column_stays_while_a_wide_table_scrolls_on_a_phone(browser: Browser, pages: Path) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 900})
+    page.goto((pages / "results/navigation.html").as_uri())
+    wide = page.locator(".md-typeset__scrollwrap").filter(has=page.locator("td:nth-child(11)")).first
+    first = wide.locator("td").first
+    wide.evaluate("(one) => (one.scrollLeft = 200)")
+    box = first.bounding_box()
+    assert box is not None
+    assert box["x"] >= 0
+    page.close()
+
+
+@pytest.mark.parametrize(("name", "width"), [("notebooks/tuning", 1440), ("results/navigation", 390)])
+def test_signs_behind_headings_take_no_line(browser: Browser, pages: Path, name: str, width: int) -> None:
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto((pages / f"{name}.html").as_uri())
+    heights = "[...document.querySelectorAll('article :is(h1, h2, h3, h4)')].map((one) => one.offsetHeight)"
+    before = page.evaluate(heights)
+    page.add_style_tag(content=".headerlink { display: none !important; }")
+    assert page.evaluate(heights) == before
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
     page.close()
