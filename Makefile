@@ -84,7 +84,8 @@ reference: $(VENV)/.dev
 	$(BIN)/python scripts/draw_badges.py
 
 docs: firmware $(VENV)/.dev
-	@$(BIN)/zensical build --clean --strict
+	@$(if $(GITHUB_REPOSITORY),sed 's|^site_name|repo_url = "https://github.com/$(GITHUB_REPOSITORY)"\n&|' zensical.toml > .site.toml)
+	@$(BIN)/zensical build --clean --strict --config-file $(if $(GITHUB_REPOSITORY),.site.toml,zensical.toml)
 	@$(BIN)/python scripts/search_weights.py site
 	@scripts/build-browser site $(BIN)/python
 	@echo 'The site is in site/: open site/index.html'

@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import tomllib
 from pathlib import Path
 
 from scripts.index_readme import absolute
@@ -42,3 +43,20 @@ def test_release_notes_are_the_section_of_the_version(tmp_path: Path) -> None:
     assert notes(changes) == (0, "\n- b\n")
     assert notes(changes, "0.1.0") == (1, "")
     assert notes(f"## {__version__} (unreleased)\n\n- b\n") == (1, "")
+
+
+def test_site_links_the_repository_if_its_name_is_known(tmp_path: Path) -> None:
+    shutil.copy(ROOT / "zensical.toml", tmp_path)
+    make = ["make", "--no-print-directory", "--dry-run", "docs"]
+
+    def commands(repository: str) -> list[str]:
+        printed = subprocess.check_output([*make, f"GITHUB_REPOSITORY={repository}"], cwd=ROOT, text=True)
+        return [line for line in printed.splitlines() if "zensical.toml" in line or ".site.toml" in line]
+
+    (build,) = commands("")
+    assert build.endswith("--config-file zensical.toml")
+    change, build = commands("owner/name")
+    assert build.endswith("--config-file .site.toml")
+    subprocess.run(change, shell=True, cwd=tmp_path, check=True)
+    project = tomllib.loads((tmp_path / ".site.toml").read_text())["project"]
+    assert project["repo_url"] == "https://github.com/owner/name"
