@@ -119,8 +119,8 @@ class Walk:
         print(f"{self.took_s[-1][1]:6.0f} s  {step}", flush=True)
 
     def write_config(self, text: str, name: str) -> None:
-        """Write a configuration of the page, with the walk's bus."""
-        (self.folder / name).write_text(text + self._bus)
+        """Write a configuration of the page, with the walk's ports and bus."""
+        (self.folder / name).write_text(self._with_ports(text) + self._bus)
 
     @contextmanager
     def robot(self, floor: str) -> Iterator[list[FloatArray]]:
@@ -140,14 +140,14 @@ class Walk:
 
     def stop_test(self, run: str, teleop: str) -> str:
         """Arm, drive, release, drive, stop and clear, as step 5 says; return the status after the stop."""
-        robot = self._start(f"{run} --config {self._config}", stdout=subprocess.PIPE)
+        robot = self._start(run, stdout=subprocess.PIPE)
         ours, theirs = pty.openpty()
         keyboard = Keyboard(ours)
         try:
             until(lambda: "is running on" in (robot.stdout.readline() if robot.stdout else ""))
             robots = self._robots()
             keys = self._start(f"{teleop} --no-gamepad --config {self._config}", stdin=theirs, stdout=theirs)
-            until(lambda: "thumper" in keyboard.screen)  # a key that is held at the start does not count
+            until(lambda: "| keyboard" in keyboard.screen)  # a key that is held at the start does not count
 
             def hold(key: bytes, state: str, fault: Fault = Fault.NONE) -> None:
                 """Hold a key until the board is in a state, through faults of late commands."""
@@ -187,10 +187,13 @@ class Walk:
         client.subscribe("status", received.append)
         return received
 
-    def _shell(self, command: str) -> list[str]:
+    def _with_ports(self, text: str) -> str:
         for port, link in PORTS.items():
-            command = command.replace(port, str(self.folder / link))
-        return [*END_WITH_PARENT, "bash", "-c", command]
+            text = text.replace(port, str(self.folder / link))
+        return text
+
+    def _shell(self, command: str) -> list[str]:
+        return [*END_WITH_PARENT, "bash", "-c", self._with_ports(command)]
 
     def _start(
         self, command: str, stdin: int | None = None, stdout: int | None = None
@@ -228,10 +231,12 @@ def follow(walk: Walk, *, with_setup: bool) -> None:
     """Do what the page says up to the first motion on the floor, and check each step."""
     _, terminal = (walk.repository / PAGE).read_text(encoding="utf-8").split("same in the terminal.")
     todo = steps(terminal)
-    demo, _, doctor, flash, spin, run, teleop, slow, first = todo[:9]
+    demo, _, doctor, config, flash, spin, run, teleop, first = todo[:9]
     if with_setup:
         walk.run(f"{demo} -C {walk.repository}")
     assert "udev" in walk.run(doctor)
+    assert "v_max_m_s = 0.2" in config
+    walk.write_config(config, "robot.toml")
     with walk.robot("stand") as stand:
         assert "written and verified\nfirmware 0." in walk.run(flash)
         report = walk.run(spin, answer="y\n", allowed=(0, EXIT_CHECK))  # a busy computer fails its timing
@@ -243,8 +248,6 @@ def follow(walk: Walk, *, with_setup: bool) -> None:
     assert len(motions) >= 4, motions  # each side in the check, and twice by keyboard
     assert motions[-1][0] > 2.0, motions
     assert motions[-1][1] < 0.5, motions  # the emergency stop
-    assert "v_max_m_s = 0.2" in slow
-    walk.write_config(slow, "slow.toml")
     with walk.robot("wood") as floor:
         assert "reached: at the goal" in walk.run(first)
     speed_m_s = top_speed_m_s(floor[0])
