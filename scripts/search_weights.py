@@ -1,7 +1,8 @@
-"""Lower the results in the search of the built site: a heading there counts as text, not as a title.
+"""Lower some pages in the search of the built site: a heading there counts as text, not as a title.
 
 Run: python scripts/search_weights.py SITE (part of `make docs`). The search puts titles before texts and
-knows no weights of pages, so 'Docking' of the results would come before the guide 'Dock at a charger'.
+knows no weights of pages, so 'Docking' of the results would come before the guide 'Dock at a charger', and
+'Battery' of the simulator's model before what to do with an empty one.
 """
 
 import json
@@ -9,7 +10,7 @@ import re
 import sys
 from pathlib import Path
 
-LOW = ("results/",)
+LOW = ("results/", "notebooks/", "explanation/simulator.")
 JOINER = "\u2060"  # invisible; a word that contains it is another word to the search
 TAG_OR_START = re.compile(r"<[^>]*>|&\w+;|\b(\w)(?=\w)")
 
