@@ -30,6 +30,8 @@ export class Simulation {
     this.history = [];  // telemetry with names of state and fault, oldest first
     this.ms = 0;
     this.slipped_at_ms = -Infinity;  // the newest contact in which the wheels slipped
+    this.slipped_backwards = false;
+    this.unplugged_off_at_ms = -Infinity;  // the cable was pulled while the motors were off
     this.plug_in_at_ms = null;
     this.repaired = false;  // a fault is to be cleared
   }
@@ -51,7 +53,11 @@ export class Simulation {
   step() {
     this.robot.step();
     if (++this.ms === this.plug_in_at_ms) this.link.plugged = true;
-    if (this.robot.drive.slips) this.slipped_at_ms = this.ms;
+    const { slips, held } = this.robot.drive;
+    if (slips) {
+      this.slipped_at_ms = this.ms;
+      this.slipped_backwards = held.v_m_s < 0;
+    }
     if (this.ms % CONTACT_MS === 0) this.contact.check(CONTACT_MS / 1000);
     return this.lidar.advance(this.robot.time_s, this.pose);
   }
@@ -80,6 +86,7 @@ export class Simulation {
   /** Pull the cable to the board for a while. */
   unplug(ms) {
     this.link.plugged = false;
+    if (this.newest?.state === "DISARMED") this.unplugged_off_at_ms = this.ms;
     this.plug_in_at_ms = this.ms + ms;
   }
 

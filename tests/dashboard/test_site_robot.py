@@ -67,6 +67,16 @@ def test_keys_drive_and_their_release_stops(front_page: Page) -> None:
     wait(front_page, "now.left_speed === 0 && now.right_speed === 0")
 
 
+def test_keys_drive_after_the_link_to_the_robot(front_page: Page) -> None:
+    wait(front_page, "true")
+    for _ in range(2):
+        front_page.get_by_role("link", name="Drive one here").click()
+        expect(front_page.locator(".robot-room")).to_be_focused()
+        front_page.keyboard.press("d")
+        expect(front_page.locator("[data-hint]")).to_have_text("You drive it now.")
+        front_page.evaluate("document.activeElement.blur()")
+
+
 def test_space_is_the_emergency_stop_and_does_not_scroll(front_page: Page) -> None:
     wait(front_page, "now.left_speed > 1000")
     front_page.locator(".robot-room").focus()
@@ -153,6 +163,8 @@ def test_page_says_that_the_cable_is_out_while_the_robot_is_disarmed(front_page:
     expect(chip).to_have_text("disarmed", timeout=MOTION_MS)
     front_page.get_by_role("button", name="Unplug the cable for 1 s").click()
     expect(chip).to_have_text("no link")
+    hint = front_page.locator("[data-hint]")
+    expect(hint).to_have_text("Cable unplugged: the motors were off, so nothing stops.")
     expect(chip).to_have_text("disarmed", timeout=MOTION_MS)
     expect(front_page.locator(".robot-fault")).to_be_hidden()
 
@@ -226,7 +238,8 @@ def test_page_says_in_a_contact_that_the_wheels_slip(front_page: Page) -> None:
     front_page.keyboard.down("w")
     expect(line).to_have_text("You drive it now.")
     wait(front_page, "at.x_m > 5.7")
-    expect(line).to_have_text("Contact: the wheels slip, and their counts (dashed outline) run on.")
+    hint = r"Contact: .* \(dashed outline\) run on\. (Back off with S|Pull the stick back)\."
+    expect(line).to_have_text(re.compile(hint))
     front_page.keyboard.up("w")
     expect(line).to_have_text("You drive it now.")
     assert front_page.evaluate("document.getElementById('robot').simulation.pose.x_m") > 5.7
@@ -252,6 +265,28 @@ def test_button_back_to_top_covers_no_part_of_the_fault_on_a_phone(front_page: P
           return share.flatMap((x) => share.map((y) => [left + x * width, top + y * height]))
             .filter(([x, y]) => !box.contains(document.elementFromPoint(x, y)));
         }"""
+    )
+    assert covered == []
+
+
+def test_button_back_to_top_covers_no_button_of_the_robot(front_page: Page) -> None:
+    wait(front_page, "true")
+    block = front_page.get_by_role("button", name="Block the right wheels")
+    front_page.mouse.move(720, 300)
+    top = block.evaluate("(one) => one.getBoundingClientRect().top + window.scrollY")
+    front_page.evaluate("(top) => window.scrollTo(0, top - 834 + 60)", top)
+    front_page.mouse.wheel(0, -60)  # the theme shows its button on the way up
+    shown = front_page.locator(".md-top:not([hidden])")
+    expect(shown).to_have_count(1)
+    front_page.wait_for_function("(place) => Math.abs(window.scrollY - place) < 2", arg=top - 834)
+    places = "[...document.querySelectorAll('#robot button')].filter((one) => one.checkVisibility())"
+    covered = front_page.evaluate(
+        f"""() => {places}.flatMap((one) => {{
+          const {{ left, right, top, bottom }} = one.getBoundingClientRect();
+          const points = [left + 4, (left + right) / 2, right - 4].map((x) => [x, (top + bottom) / 2]);
+          const at = points.map(([x, y]) => document.elementFromPoint(x, y));
+          return at.filter((found) => found?.closest(".md-top")).map(() => one.innerText);
+        }})"""
     )
     assert covered == []
 

@@ -14,6 +14,7 @@ import { hint } from "./hint.js";
 import { RoomView } from "./room_view.js";
 import panel from "./panel.html";
 
+const LINK = "#drive-it-here";
 const STATES = { DISARMED: "disarmed", CLOSED_LOOP: "armed", MANUAL: "manual", FAULT: "fault" };
 const STATE_TITLES = { CLOSED_LOOP: "The controllers drive the motors", MANUAL: "The motors are driven without controllers" };
 
@@ -37,6 +38,7 @@ function start(element) {
   const stop = () => simulation.link.command("E_STOP");
   listen(element, find(".robot-stick"), { drive, stop });
   find("[data-stop]").addEventListener("click", stop);
+  focusOnLink(find(".robot-room"));
   const wait = matchMedia("(prefers-reduced-motion: reduce)").matches;
   if (wait) simulation.twist = { v_m_s: 0, w_rad_s: 0 };
 
@@ -50,6 +52,14 @@ function start(element) {
       showBreaks(breaks, simulation);
     },
   );
+}
+
+/** Let the keys drive at once after a link to the robot's heading. */
+function focusOnLink(room) {
+  const focus = () => location.hash === LINK && room.focus({ preventScroll: true });
+  window.addEventListener("hashchange", focus);
+  document.querySelector(`.hero a[href$="${LINK}"]`)?.addEventListener("click", () => setTimeout(focus));
+  focus();
 }
 
 function chartsOf(find) {
