@@ -160,7 +160,7 @@ def test_search_finds_what_to_do_with_a_lost_robot_without_a_server(browser: Bro
         ("docking", r"howto/docking\.html"),
         ("robot does not move", r"howto/troubleshooting\.html.*#the-robot-does-not-move$"),
         ("battery", r"howto/\w+\.html.*battery"),
-        ("what is a costmap", r"explanation/navigation\.html.*#costmap$"),
+        ("what is a costmap", r"explanation/navigation\.html.*#what-a-costmap-is$"),
     ],
 )
 def test_search_puts_guides_before_results(browser: Browser, site: Path, words: str, href: str) -> None:
