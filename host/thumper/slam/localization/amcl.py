@@ -45,6 +45,7 @@ SEARCH_GAIN = 0.5  # as `BEAM_GAIN`, for the first scan of a search: nothing was
 LIKELY_LOG_RATIO = 15.0  # prior log odds of the likely pose: people often hide walls, few carry a robot away
 OUTSIDE_BELOW = 0.2  # share of beams that contradict the map where the robot has left it, not lost its pose
 OUTSIDE_MATCHED = 0.3  # share explained from which the walls still in sight correct the odometry there
+PUSHED_GAIN = 0.05  # explained by so much better a pose than by the expected one: the robot was pushed
 MIN_LOG_RATIO, MAX_LOG_RATIO = 1.0, 50.0  # of a pose that contradicts the given one; limit of its odds
 
 
@@ -233,7 +234,8 @@ class Amcl:
         if self._beams < MIN_HITS:
             return self._record(odom_from_base, expected, math.nan, jumped)
         self._challenge.continue_search(likelihood, odom_from_base, expected, moved)
-        if not self._is_due(moved) or not self._search_done(likelihood, odom_from_base):
+        is_due = self._is_due(moved) or self._was_pushed(likelihood, expected)
+        if not is_due or not self._search_done(likelihood, odom_from_base):
             return self._record(odom_from_base, expected, math.nan, jumped)
         given = self._given.pop_unverified()
         self._predict(likelihood, odom_from_base, moved, given)
@@ -298,6 +300,19 @@ class Amcl:
             or math.hypot(moved.x_m, moved.y_m) >= self._options.update_distance_m
             or abs(moved.theta_rad) >= self._options.update_angle_rad
         )
+
+    def _was_pushed(self, likelihood: ScanLikelihood, expected: Pose2) -> bool:
+        """Return whether the robot has moved though odometry shows nothing: another pose nearby fits better.
+
+        Somebody pushed it, or an encoder misses a turn.
+        """
+        if self._schedule.search or self._estimate.odom_from_base is None or not self._trust.proven:
+            return False
+        pose = np.array([[expected.x_m, expected.y_m, expected.theta_rad]])
+        explained = float(likelihood.likelihoods(pose, 1.0)[1][0])
+        if explained > self._estimate.explained - PUSHED_GAIN:
+            return False
+        return likelihood.refine_pose(expected).explained > explained + PUSHED_GAIN
 
     def _search_done(self, likelihood: ScanLikelihood, odom_from_base: Pose2) -> bool:
         """Continue the search of the whole map, if one is needed; return False while it goes on.

@@ -200,6 +200,19 @@ def test_stationary_robot_keeps_pose_and_particles() -> None:
     np.testing.assert_array_equal(localizer.quality().covariance, quality.covariance)
 
 
+@pytest.mark.parametrize("push", [Pose2(theta_rad=math.radians(4.0)), Pose2(x_m=0.06, y_m=-0.06)])
+def test_a_push_that_odometry_does_not_show_is_seen(push: Pose2) -> None:
+    pose = Pose2(x_m=0.3, y_m=0.4, theta_rad=2.0)
+    localizer = Amcl(GRID, map_from_base=pose)
+    odometry = drive(localizer, arc(pose), Pose2())
+    pushed = arc(pose)[-1] @ push
+    for _ in range(3):
+        localizer.update(odometry, room_scan(pushed, noise_m=0.01, rng=np.random.default_rng(1)), STILL)
+    assert error_m(localizer, pushed) < 0.02
+    assert abs(wrap_angle(localizer.map_from_base.theta_rad - pushed.theta_rad)) < math.radians(0.5)
+    assert localizer.quality().lost == ""
+
+
 def test_localization_does_not_change_the_map() -> None:
     before = GRID.cells.copy()
     localizer = Amcl(GRID, map_from_base=Pose2())
