@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 LINE_PERIOD_S = 0.2
 ARMED = ("CLOSED_LOOP", "MANUAL")
-HELP = """r: arm, then hold a key to drive:   u i o   (or the arrow keys; Shift: turbo)
-                                    j k l   k stops
+HELP = """r: arm, then hold a key to drive:   u i o   (or W A S D, or the arrow keys)
+                                    j k l   k stops; Shift: turbo
                                     m , .
 Space, Esc: EMERGENCY STOP   c: clear the fault   f: disarm   q: quit
 gamepad: hold LB to drive (RB: turbo), left stick forward, right stick turns,
@@ -40,9 +40,9 @@ def teleop(
 ) -> None:
     """Drive a running robot manually with keyboard or gamepad; this cancels its current goal.
 
-    The robot drives only while you hold a key or the gamepad's button; the first press of a key counts for
-    0.6 s. If this program, the gamepad or the network fails, the last command ends within 0.6 s, and the
-    robot stops.
+    Drive with W A S D, the arrow keys, or the keys around k. The robot drives only while you hold a key or
+    the gamepad's button; the first press of a key counts for 0.6 s. If this program, the gamepad or the
+    network fails, the last command ends within 0.6 s, and the robot stops.
 
     Examples:
 

@@ -59,6 +59,10 @@ DIRECTIONS = {  # forward, turn: the nine keys around k, as in ROS's teleop_twis
     "m": (-1.0, -0.5),
     ",": (-1.0, 0.0),
     ".": (-1.0, 0.5),
+    "w": (1.0, 0.0),  # and the keys of most games
+    "a": (0.0, 1.0),
+    "s": (-1.0, 0.0),
+    "d": (0.0, -1.0),
 }
 SHIFTED = {"<": ",", ">": ".", ";": ",", ":": "."}  # the same keys with Shift
 
