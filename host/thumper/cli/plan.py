@@ -75,17 +75,16 @@ def plan(
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.maps.map_server_io import load_map
 
-    if batch is None and (start is None or goal is None):
-        raise ThumperError(
-            "nothing to plan: give --start X Y and --goal X Y, or --batch FILE.csv", exit_code=EXIT_USAGE
-        )
+    grid = load_map(file)  # before the options: a mistyped file is the nearer mistake
+    missing = [name for name, at in (("--start X Y", start), ("--goal X Y", goal)) if at is None]
+    if batch is None and missing:
+        raise ThumperError(f"pass also {' and '.join(missing)}, or --batch FILE.csv", exit_code=EXIT_USAGE)
     if batch is not None and (start is not None or goal is not None or png is not None):
         raise ThumperError(
             "--batch has its own starts and goals: leave out --start, --goal and --png", exit_code=EXIT_USAGE
         )
     if png is not None and png.suffix.lower() != ".png":
         raise ThumperError(f"--png {png}: the name of a picture ends in .png", exit_code=EXIT_USAGE)
-    grid = load_map(file)
     from thumper.cli.plan_queries import PlanQuery, QueryPlanner, read_queries, to_csv  # slow: kernels
     from thumper.config.robot import load_config
     from thumper.maps.annotations import annotations_path, load_annotations

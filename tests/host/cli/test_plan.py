@@ -83,7 +83,8 @@ def test_batch(room: Path, tmp_path: Path, rows: str, lengths: list[float]) -> N
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ((), "nothing to plan"),
+        ((), "pass also --start X Y and --goal X Y, or --batch FILE.csv"),
+        (("--goal", 3, 1), "pass also --start X Y, or --batch FILE.csv"),
         (("--start", "nan", 1, "--goal", 3, 1), "finite"),
         (("--start", 0, 1, "--goal", 1e300, 0.5), "the goal (1e+300, 0.5) is farther than 1000 m"),
         (("--start", 0, 1, "--goal", 3, 1, "--planner", "x"), "unknown planner 'x'; choose from: astar"),
@@ -95,6 +96,11 @@ def test_invalid_options(room: Path, words: tuple[object, ...], message: str) ->
     code, text = call(room, *words)
     assert message in text
     assert code in (1, 2)
+
+
+def test_a_missing_map_is_named_before_a_missing_option(tmp_path: Path) -> None:
+    code, text = call(tmp_path / "gone.yaml", "--goal", 1, 1)
+    assert (code, "gone.yaml: cannot be read" in text) == (2, True)
 
 
 @pytest.mark.parametrize(
