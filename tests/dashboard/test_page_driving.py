@@ -8,6 +8,7 @@ from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
 from thumper.common.geometry import Pose2
+from thumper.ros.to_ros import WARN
 from thumper.runtime.requests import Heartbeat, Query, SetPose
 
 AWAY = Pose2(x_m=1.0, y_m=1.0, theta_rad=0.0)
@@ -55,6 +56,9 @@ def test_pose_estimate_and_waypoints(page: Page, robot: FakeRobot) -> None:
     drag(page, (2.0, 1.0), (3.0, 1.0))
     pose = until(lambda: robot.received_of(SetPose))[0].map_from_base
     assert (pose.x_m, pose.y_m, pose.theta_rad) == pytest.approx((2.0, 1.0, 0.0), abs=0.03)
+    refusal = "the pose was not set: the robot is mapping"
+    robot.event(refusal, WARN)
+    expect(page.locator(".tp-notice.bad")).to_have_text(refusal)
     page.keyboard.press("w")
     drag(page, (1.0, 0.5), (1.0, 0.5))
     page.get_by_label("record", exact=True).check()

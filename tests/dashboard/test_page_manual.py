@@ -58,6 +58,21 @@ def test_emergency_stop(page: Page, robot: FakeRobot, how: str, pressed: str) ->
     expect(page.locator(".tp-fault-words")).to_have_text("the emergency stop was pressed")
 
 
+def test_space_types_into_a_text_only_while_the_motors_are_off(page: Page, robot: FakeRobot) -> None:
+    robot.state = State.DISARMED
+    page.click(".tp-tab-map")
+    name = page.get_by_label("name of the map")
+    expect(page.locator("body")).to_have_attribute("data-board", "disarmed")
+    name.press_sequentially("living room")
+    expect(name).to_have_value("living room")
+    assert not robot.received_of(EmergencyStop)
+    robot.state = State.CLOSED_LOOP
+    expect(page.locator("body")).to_have_attribute("data-board", "closed_loop")
+    name.press("Space")
+    until(lambda: robot.received_of(EmergencyStop))
+    expect(name).to_have_value("living room")
+
+
 def test_escape_cancels_the_tool_before_it_stops(page: Page, robot: FakeRobot) -> None:
     for tool in ("goal", "waypoints", "pose", "obstacle"):
         page.click(f"[data-tool={tool}]")

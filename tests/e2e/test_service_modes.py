@@ -53,3 +53,6 @@ def test_a_stationary_robot_switches_modes(service: Service) -> None:
         "error": "the robot is mapping: localize first, with `thumper mode localize`",
         "option": "",
     }
+    service.put(SetPose(map_from_base=service.robot.map_and_pose()[1]))
+    refusal = "the pose was not set: the robot is mapping"
+    service.until(lambda: any(event.startswith(refusal) for event in service.events))

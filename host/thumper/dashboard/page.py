@@ -150,8 +150,10 @@ def _lostbox() -> None:
         with box(""):
             _field("lost_words").classes("tp-lost-words")
             inline("<p>To set the pose, press on the map where the robot is and drag along its heading.</p>")
-        with button("tp-plain", {"data-select-tool": "pose"}):
-            inline("<span>Set pose</span>")
+        with box("tp-buttons"):
+            with button("tp-plain", {"data-select-tool": "pose"}):
+                inline("<span>Set pose</span>")
+            _command_button("Search the map", {"kind": "command", "name": "relocalize"}, "tp-plain tp-search")
 
 
 def _tabs(robot: QueryClient) -> None:

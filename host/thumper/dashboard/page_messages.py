@@ -88,7 +88,15 @@ class CommandMessage(_PageMessage):
 
     kind: Literal["command"]
     name: Literal[
-        "cancel", "clear_fault", "arm", "disarm", "record_start", "record_stop", "save_map", "explore"
+        "cancel",
+        "clear_fault",
+        "arm",
+        "disarm",
+        "record_start",
+        "record_stop",
+        "save_map",
+        "explore",
+        "relocalize",
     ]
 
 

@@ -155,7 +155,10 @@ class SlamModeSwitch:
             It is mapping: then the first scan has fixed the map frame.
         """
         if self.localizer is None:
-            raise ThumperError(f"only a saved map takes a pose: {LOCALIZE_FIRST}", exit_code=EXIT_USAGE)
+            raise ThumperError(
+                "the robot is mapping; load a saved map (page: tab Map), or run `thumper mode localize`",
+                exit_code=EXIT_USAGE,
+            )
         self.localizer.set_pose(map_from_base, odom_from_base=self._odom_from_base)
 
     def set_position_prior(self, prior: PositionPrior) -> None:

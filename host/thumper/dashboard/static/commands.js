@@ -24,6 +24,12 @@ export function isTyping({ target }) {
   return Boolean(target.matches?.("textarea, select, input:not([type=checkbox], [type=radio], [type=range])"));
 }
 
+// Whether Space goes into a text instead of stopping the robot: only while the motors are known to be off.
+function isSpaceText({ target }) {
+  return ["disarmed", "fault"].includes(document.body.dataset.board)
+    && Boolean(target.matches?.("textarea, input[type=text]"));
+}
+
 function cancelled() {
   const done = cancellers.map((cancel) => cancel());
   return done.includes(true) || document.querySelector(OPEN_SELECT) !== null;
@@ -78,6 +84,7 @@ export function startCommands() {
   on("server:beat", ({ n }) => { if (n >= answeredBy) sessionStorage.removeItem(WAITING_STOP); });
   // Listen in the capture phase: a focused button or field must not consume the stop key.
   document.addEventListener("keydown", (event) => {
+    if (event.code === "Space" && isSpaceText(event)) return;
     if (event.code === "Space") event.preventDefault();
     if (event.repeat) return; // an Esc that is held cancels once, and does not stop the robot as well
     if (event.code === "Space") emergencyStop("Space");
@@ -121,7 +128,8 @@ export function startCommands() {
     for (const { text } of isSnapshot ? [] : events) {
       if (text.startsWith("beep at ")) beep();
       noteRestart(text);
-      if (/^map saved: |^the map was not saved: /.test(text)) notify(text, text.startsWith("map") ? "good" : "bad");
+      if (text.startsWith("map saved: ")) notify(text, "good");
+      if (/^the (map was not saved|pose was not set): /.test(text)) notify(text, "bad");
       if (EXPLORATION_ENDS.test(text)) {
         removeNotices("exploring");
         notify(text, text.startsWith("not back") ? "bad" : "good");

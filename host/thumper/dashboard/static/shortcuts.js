@@ -4,7 +4,7 @@ import { isTyping, onCancel } from "./commands.js";
 import { TOOLS } from "./map_tools.js";
 
 const GENERAL = [
-  ["Space", "Emergency stop, everywhere"],
+  ["Space", "Emergency stop; in a text field only while the motors are on"],
   ["Esc", "Cancel the tool, close a menu; else emergency stop"],
   ["Arrow keys, Enter", "On the map: move the cross-hair, use the tool there"],
   ["Arrow keys", "On the joystick (focus it with Tab): drive while held"],

@@ -210,7 +210,10 @@ class RequestHandler:
             case RobotCommand():
                 self._commands.run(request.name)
             case SetPose():
-                self._set_pose(request)
+                try:
+                    self._set_pose(request)
+                except ThumperError as error:  # a message has no answer: the sender reads the log
+                    raise ThumperError(f"the pose was not set: {error}") from error
             case SimulatorCommand():
                 self._change_simulation(request.content, "")
             case LogMessage():
