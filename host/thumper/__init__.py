@@ -1,9 +1,9 @@
 """The brain of a differential-drive robot.
 
-Scripts import `Robot`, `DriveResult`, `Pose2` and `ThumperError` from here.
+Scripts import `Robot`, `DriveResult`, `Pose2`, `ThumperError` and its kinds from here.
 """
 
-from thumper.common.errors import ThumperError
+from thumper.common.errors import NotThereError, ThumperError, UsageError
 from thumper.common.version import __version__
 
 TYPE_CHECKING = False  # importing typing would take longer than all other imports here
@@ -12,7 +12,15 @@ if TYPE_CHECKING:
     from thumper.robot import Robot
     from thumper.runtime.drive_result import DriveResult
 
-__all__ = ["DriveResult", "Pose2", "Robot", "ThumperError", "__version__"]
+__all__ = [
+    "DriveResult",
+    "NotThereError",
+    "Pose2",
+    "Robot",
+    "ThumperError",
+    "UsageError",
+    "__version__",
+]
 
 _MODULES = {
     "DriveResult": "thumper.runtime.drive_result",

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +19,7 @@ import pytest
 
 from tests.e2e.robot_square import LIMIT_DEG, LIMIT_M, square
 from tests.variants import some_of
-from thumper import Robot, ThumperError
+from thumper import NotThereError, Robot, ThumperError, UsageError
 from thumper.board.messages import State
 from thumper.common.compile_progress import COMPILING
 from thumper.common.geometry import Pose2
@@ -67,6 +68,17 @@ def test_a_line_says_that_kernels_are_compiled(
     with pytest.raises(ThumperError), Robot("sim://"):
         pass
     assert capsys.readouterr() == ("", f"{COMPILING}\n")
+
+
+@pytest.mark.parametrize(
+    ("board", "kind"), [("sim://?world=hal", UsageError), ("/dev/ttyNONE0", NotThereError)]
+)
+def test_an_error_of_a_call_has_a_kind_and_a_short_traceback(board: str, kind: type[ThumperError]) -> None:
+    with pytest.raises(kind) as raised:
+        Robot(board)
+    lines = traceback.format_exception(raised.value)
+    assert lines.count("Traceback (most recent call last):\n") == 1
+    assert len(lines) == 4  # that heading, the script, the call, the message
 
 
 def test_a_left_turn_is_positive() -> None:

@@ -21,9 +21,24 @@ class ThumperError(Exception):
     The command line prints the message without a traceback and exits with `exit_code`: 1, or one of the
     `EXIT_` constants. `option` names the command-line option that fixes the error. Dashboard and bus clients
     have no options; they show the message alone.
+
+    An error of `EXIT_USAGE` is a `UsageError`, one of `EXIT_NOT_THERE` a `NotThereError`.
     """
+
+    def __new__(cls, message: str, *, exit_code: int = 1, option: str = "") -> "ThumperError":
+        """Choose the class by the exit code, so that no place that raises needs to name both."""
+        kinds = {EXIT_USAGE: UsageError, EXIT_NOT_THERE: NotThereError}
+        return super().__new__(kinds.get(exit_code, cls) if cls is ThumperError else cls, message)
 
     def __init__(self, message: str, *, exit_code: int = 1, option: str = "") -> None:
         super().__init__(one_line(message))
         self.exit_code = exit_code
         self.option = option
+
+
+class UsageError(ThumperError):
+    """Invalid input: a wrong argument, or a file that is missing or wrong."""
+
+
+class NotThereError(ThumperError):
+    """No such device or robot, or it does not answer."""

@@ -1,4 +1,4 @@
-"""Errors for calls of `Robot` with arguments that do not exist: they show how it is called."""
+"""Errors of the calls of `Robot`: short tracebacks, and for arguments that do not exist how it is called."""
 
 import inspect
 from collections.abc import Callable
@@ -29,7 +29,10 @@ def _checked(method: Callable[P, ResultT], name: str) -> Callable[P, ResultT]:
             signature.bind(*args, **kwargs)
         except TypeError as error:
             raise ThumperError(f"{name}: {error}; call {name}{_usage()}", exit_code=EXIT_USAGE) from None
-        return method(*args, **kwargs)
+        try:
+            return method(*args, **kwargs)
+        except ThumperError as error:  # its line says all: no causes, no frames of this package
+            raise error.with_traceback(None) from None
 
     def _usage() -> str:
         """Return the arguments without types."""
