@@ -46,4 +46,10 @@ def _parse_waypoint(content: dict[str, Any], annotations: Annotations, datum: Ma
     beep = content.get("beep", False)
     if not isinstance(beep, bool):
         raise ThumperError("beep is true or false", exit_code=EXIT_USAGE)
-    return Waypoint(goal=parse_goal(place, annotations, datum), wait_s=wait_s, record=record, beep=beep)
+    return Waypoint(
+        goal=parse_goal(place, annotations, datum),
+        place=str(place.get("place", "")),
+        wait_s=wait_s,
+        record=record,
+        beep=beep,
+    )

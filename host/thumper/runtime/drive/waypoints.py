@@ -16,6 +16,7 @@ class Waypoint:
 
     goal: Goal
     name: str = ""
+    place: str = ""  # the name of the goal, if it has one
     wait_s: float = 0.0
     record: bool = False  # while it waits
     beep: bool = False  # on arrival, the pages and terminals that watch
@@ -33,9 +34,10 @@ class Waypoints:
             raise ValueError(f"waypoints need at least one goal and one round, got {self}")
 
     @classmethod
-    def at(cls, *goals: Goal, rounds: int = 1, wait_s: float = 0.0) -> Self:
-        """Return these goals as waypoints; the robot waits as long at each."""
-        return cls(points=tuple(Waypoint(goal=goal, wait_s=wait_s) for goal in goals), rounds=rounds)
+    def at(cls, *goals: Goal, rounds: int = 1, wait_s: float = 0.0, place: str = "") -> Self:
+        """Return these goals as waypoints; the robot waits as long at each. `place` names a single one."""
+        points = tuple(Waypoint(goal=goal, wait_s=wait_s, place=place) for goal in goals)
+        return cls(points=points, rounds=rounds)
 
     @property
     def has_one_leg(self) -> bool:
@@ -45,13 +47,15 @@ class Waypoints:
     def legs(self) -> list[Waypoint]:
         """Return all waypoints in the order of driving."""
         return [
-            replace(point, name=self._name(number, lap))
+            replace(point, name=self._name(number, lap, point.place))
             for lap in range(1, self.rounds + 1)
             for number, point in enumerate(self.points, start=1)
         ]
 
-    def _name(self, number: int, lap: int) -> str:
-        name = f"waypoint {number} of {len(self.points)}" if len(self.points) > 1 else "driving"
+    def _name(self, number: int, lap: int, place: str) -> str:
+        name = f"to {place}" if place else "driving"
+        if len(self.points) > 1:
+            name = f"waypoint {number} of {len(self.points)}" + (f", {place}" if place else "")
         return f"{name}, round {lap} of {self.rounds}" if self.rounds > 1 else name
 
 

@@ -301,7 +301,8 @@ class RequestHandler:
         if (label := content.pop("object", None)) is not None:
             content = self._object_goals.content(str(label), content)
         goal = parse_goal(content, self.annotations.value, self._inputs.estimator.map_datum())
-        return MissionStarted(mission=self._missions.start(Waypoints.at(goal)))
+        place = str(content.get("place", ""))
+        return MissionStarted(mission=self._missions.start(Waypoints.at(goal, place=place)))
 
     def _follow_mission(self, content: Mapping[str, Any], _source: str) -> MissionStarted:
         datum = self._inputs.estimator.map_datum()

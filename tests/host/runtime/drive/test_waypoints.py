@@ -1,7 +1,8 @@
 """Missions: their legs and their ends."""
 
 from thumper.navigation.goal import Goal
-from thumper.runtime.drive.waypoints import MAX_MISSIONS, Missions, MissionState, Waypoints
+from thumper.runtime.drive.legs import Leg
+from thumper.runtime.drive.waypoints import MAX_MISSIONS, Missions, MissionState, Waypoint, Waypoints
 
 A, B = Goal(x_m=1.0, y_m=0.0), Goal(x_m=2.0, y_m=0.0)
 
@@ -14,6 +15,15 @@ def test_legs_in_order_and_the_end_after_the_last() -> None:
     mission = missions.find(number)
     assert mission is not None
     assert (mission.leg, mission.state, mission.reason) == (1, MissionState.REACHED, "there")
+
+
+def test_a_leg_has_the_name_of_its_place() -> None:
+    (leg,) = Waypoints.at(A, place="kitchen").legs()
+    assert Leg(goal=leg.goal, name=leg.name).task == "to kitchen"
+    places = {"kitchen": A, "hall": B}
+    points = tuple(Waypoint(goal=goal, place=name) for name, goal in places.items())
+    names = [leg.name for leg in Waypoints(points=points).legs()]
+    assert names == ["waypoint 1 of 2, kitchen", "waypoint 2 of 2, hall"]
 
 
 def test_the_leg_of_an_unknown_mission_is_ignored() -> None:
