@@ -37,17 +37,19 @@ def test_second_page_drives_after_take_control_only(
     try:
         second = context.new_page()
         open_page(second, server)
-        take = second.locator("[data-take-control]")
+        take = second.locator(".tp-other-operator [data-take-control]")
         expect(take).to_be_visible()
-        expect(page.locator("[data-take-control]")).to_be_hidden()
+        expect(page.locator(".tp-other-operator [data-take-control]")).to_be_hidden()
         robot.received.clear()
         push_stick(second)
         second.wait_for_timeout(500)
         assert not moves(robot)  # the stick of a page without control does nothing
         second.mouse.up()
+        expect(second.locator(".tp-notice")).to_have_count(1)  # however often it was refused
+        expect(second.locator(".tp-notice").get_by_role("button", name="Take control")).to_be_visible()
         take.click()
         expect(take).to_be_hidden()
-        expect(page.locator("[data-take-control]")).to_be_visible()
+        expect(page.locator(".tp-other-operator [data-take-control]")).to_be_visible()
         expect(page.locator("body")).to_contain_text("Another page has taken control")
         second.wait_for_timeout(300)  # heartbeats that were on their way arrive
         robot.received.clear()

@@ -108,6 +108,9 @@ def test_fault_is_shown_with_its_fix(page: Page, robot: FakeRobot) -> None:
     robot.fault, robot.battery_V = Fault.STALL_LEFT, 6.9
     expect(page.locator(".tp-fault-words")).to_have_text("stall left")
     expect(page.locator(".tp-fault-cure")).to_have_text(robot.fault_cure)
+    robot.simulated_faults["motor.left"] = "shorted"
+    injected = page.locator(".tp-fault-injected")
+    expect(injected).to_have_text("Simulated faults: left motor (motor.left) shorted (tab Sim)")
     expect(page.locator(".tp-battery")).to_have_css("background-color", "rgb(207, 34, 46)")
 
 
@@ -161,9 +164,9 @@ def test_the_speed_of_the_simulation_is_marked(page: Page) -> None:
 def test_another_simulated_world_is_chosen_in_the_panel(page: Page, robot: FakeRobot) -> None:
     page.click(".tp-tab-sim")
     world = page.locator(".tp-faultrow .q-select", has_text="World")
-    expect(world).to_contain_text("lab")
+    expect(world).to_contain_text("Laboratory: one room")
     world.click()
-    page.get_by_role("option", name="hall", exact=True).click()
+    page.get_by_role("option", name="Hall: empty, 14 x 6 m", exact=True).click()
     page.click("text=Start in this world")
     expect(page.locator(".tp-message:visible")).to_have_text("the robot starts again in the world hall")
     assert robot.simulated_world == "hall"

@@ -7,6 +7,7 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
+from thumper.board.messages import State
 from thumper.common.geometry import Pose2
 from thumper.ros.to_ros import WARN
 from thumper.runtime.requests import Heartbeat, Query, SetPose
@@ -96,6 +97,37 @@ def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
     until(lambda: robot.parameters["ki"] < 2.0)
     page.get_by_role("button", name="Save", exact=True).click()
     until(lambda: queries_of(robot, "parameters/save"))
+
+
+def test_revert_needs_a_disarmed_board_and_a_reason_goes_with_it(page: Page, robot: FakeRobot) -> None:
+    page.click(".tp-tab-gains")
+    revert, message = page.get_by_role("button", name="Revert"), page.locator(".tp-message:visible")
+    expect(revert).to_be_disabled()
+    expect(revert).to_have_attribute("title", "disarm first")
+    robot.state = State.DISARMED
+    expect(revert).to_be_enabled()
+    for leave in ("tab", "state", "edit"):
+        page.get_by_role("button", name="Save", exact=True).click()
+        expect(message).to_contain_text("Saved.")
+        if leave == "tab":
+            page.click(".tp-tab-log")
+            page.click(".tp-tab-gains")
+        elif leave == "state":
+            robot.state = State.CLOSED_LOOP
+        else:
+            page.locator("[data-gain=kp]").fill("7")
+        expect(message).to_have_text("")
+
+
+def test_keys_move_a_slider_by_shares_of_its_range(page: Page) -> None:
+    page.click(".tp-tab-gains")
+    number, slider = page.locator("[data-gain=kp]"), page.get_by_role("slider", name="kp slider")
+    expect(number).to_have_value("6.1")
+    slider.locator("[tabindex]").first.focus()
+    for key, value in (("ArrowRight", "6.7"), ("PageUp", "12.7"), ("ArrowDown", "12.1"), ("PageDown", "6.1")):
+        page.keyboard.press(key)
+        expect(number).to_have_value(value)
+        expect(slider).to_have_attribute("aria-valuenow", value)
 
 
 def test_recording(page: Page, robot: FakeRobot) -> None:

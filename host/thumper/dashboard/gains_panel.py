@@ -15,6 +15,8 @@ from thumper.dashboard.widgets import box, button
 
 DECIMALS = 3
 RETRY_S = 2.0  # the robot may start after the page
+BOARD_PERIOD_S = 0.5  # between looks at the board's state
+ARMED = ("CLOSED_LOOP", "MANUAL")
 REVERSED = ("left_motor_reversed", "right_motor_reversed", "left_encoder_reversed", "right_encoder_reversed")
 GROUPS = {  # of what describes the robot; all others are gains
     "Wheels and motors": ("counts_per_rev", "wheel_radius", "track", *REVERSED, "pwm_frequency"),
@@ -43,9 +45,10 @@ CHOICES = {
 class GainsPanel:
     """The panel of one page."""
 
-    def __init__(self, parameters: Parameters) -> None:
+    def __init__(self, parameters: Parameters, board_state: Callable[[], str]) -> None:
         """Add the panel to the current NiceGUI container; it queries the robot once the page is open."""
         self._parameters = parameters
+        self._board_state, self._state = board_state, ""
         self._schema: dict[str, Parameter] = {}
         self._on_board: dict[str, float] = {}
         self._edited: dict[str, Any] = {}
@@ -56,12 +59,28 @@ class GainsPanel:
         with box("tp-buttons"):
             self._apply = self._button("Apply", self._on_apply, "tp-go")
             self._undo = self._button("Undo", self._on_undo, "tp-plain")
-            self._button("Revert", self._on_revert, "tp-plain")
+            self._revert = self._button("Revert", self._on_revert, "tp-plain")
             self._button("Save", self._on_save, "tp-plain")
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
         self._list = box("tp-gains")
         self._button("Read from board", self._load, "tp-plain")
         self._retry_timer = ui.timer(RETRY_S, self._load, immediate=True)
+        ui.timer(BOARD_PERIOD_S, self._follow_board, immediate=True)
+
+    def clear_message(self) -> None:
+        """Remove the result of the last action, which may be true no longer."""
+        self._show_message("", good=True)
+
+    def _follow_board(self) -> None:
+        """Disable Revert, which an armed board refuses, and remove a reason that held in another state."""
+        if (state := self._board_state()) == self._state:
+            return
+        self._state = state
+        self.clear_message()
+        if state in ARMED:
+            self._revert.props('disabled title="disarm first"')
+        else:
+            self._revert.props(remove="disabled title")
 
     def _button(self, text: str, action: Callable[[], Any], classes: str) -> ui.element:
         with button(classes).on("click", action) as element:
@@ -145,6 +164,8 @@ class GainsPanel:
 
     def _edit(self, name: str, value: Any) -> None:
         self._edited[name] = value
+        if name in self._changes():  # not the answer of the board
+            self.clear_message()
         self._show_changes()
 
     def _changes(self) -> dict[str, Any]:
@@ -178,7 +199,7 @@ class GainsPanel:
 
     def _on_undo(self) -> None:
         self._show_values(self._on_board)
-        self._show_message("", good=True)
+        self.clear_message()
 
     async def _on_revert(self) -> None:
         async def revert() -> str:

@@ -1,7 +1,7 @@
 """Layout of the page. `static/` fills the live parts; the forms are NiceGUI's."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from html import escape
@@ -70,8 +70,8 @@ def page_title(robot: str) -> str:
     return "Thumper" if robot == DEFAULT_NAME else f"{robot} · Thumper"
 
 
-def build_page(options: PageOptions, robot: QueryClient) -> None:
-    """Build the page for one browser."""
+def build_page(options: PageOptions, robot: QueryClient, board_state: Callable[[], str]) -> None:
+    """Build the page for one browser; `board_state` is the newest, as in `thumper_msgs/Wheels`."""
     dark = begin_page("uplot/uPlot.min.css", "style.css")
     _header(options, dark)
     with box("tp-banner-row"):
@@ -80,12 +80,12 @@ def build_page(options: PageOptions, robot: QueryClient) -> None:
         with box("tp-left"):
             with box("tp-mapbox"):
                 Widget("map", {"footprint": options.footprint_m}).classes("tp-map")
-                _faultbox()
+                injected = _faultbox()
                 _lostbox()
             _state_line()
             Widget("charts").classes("tp-wheels")
         with box("tp-right"):
-            _tabs(robot)
+            _tabs(robot, board_state, injected)
     box("tp-notices").props("id=tp-notices role=alert")
     with button("tp-estop", {"data-estop": ""}, "Emergency stop (Space)"):
         inline("<b>STOP</b><small>Space</small>")
@@ -135,14 +135,17 @@ def _state_line() -> None:
         _command_button("Cancel", {"kind": "command", "name": "cancel"}, "tp-plain tp-cancel")
 
 
-def _faultbox() -> None:
+def _faultbox() -> ui.html:
+    """Add the box of a fault; return its line for simulated faults."""
     with box("tp-fault").props("role=alert"):
         inline('<i class="material-icons">error</i>')
         with box(""):
             _field("fault_words").classes("tp-fault-words")
             _field("fault_cure").classes("tp-fault-cure")
+            injected = ui.html("", tag="span", sanitize=False).classes("tp-fault-injected")
             inline("<p>Clear the fault when it is safe. Then arm the robot, or set a goal.</p>")
             _command_button("Clear fault", {"kind": "command", "name": "clear_fault"}, "tp-plain")
+    return injected
 
 
 def _lostbox() -> None:
@@ -156,7 +159,7 @@ def _lostbox() -> None:
             _command_button("Search the map", {"kind": "command", "name": "relocalize"}, "tp-plain tp-search")
 
 
-def _tabs(robot: QueryClient) -> None:
+def _tabs(robot: QueryClient, board_state: Callable[[], str], injected: ui.html) -> None:
     titles = ("Drive", "Map", "Gains", "Tune", "Sim", "Log", "System")
     with ui.tabs().props("dense no-caps inline-label align=justify").classes("tp-tabs") as tabs:
         for title in titles:
@@ -168,11 +171,12 @@ def _tabs(robot: QueryClient) -> None:
             Widget("places").classes("tp-places")
             Widget("library").classes("tp-library")
         with ui.tab_panel("gains"):
-            GainsPanel(Parameters(robot))
+            gains = GainsPanel(Parameters(robot), board_state)
+            tabs.on_value_change(gains.clear_message)
         with ui.tab_panel("tune"):
             Widget("tune").classes("tp-tune")
         with ui.tab_panel("sim"):
-            SimulatorPanel(robot)
+            SimulatorPanel(robot, injected)
         with ui.tab_panel("log"):
             Widget("log").classes("tp-log")
         with ui.tab_panel("system"):

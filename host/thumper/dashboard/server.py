@@ -133,7 +133,7 @@ def build_app(
 
     @ui.page("/", title=page_title(page.robot), favicon=STATIC / "icon.svg")
     def index() -> None:
-        build_page(page, robot)
+        build_page(page, robot, lambda: (state.value("board") or {}).get("state", ""))
         drop_abandoned_pages()
 
     if guide is not None:

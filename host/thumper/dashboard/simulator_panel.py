@@ -9,21 +9,27 @@ from typing import Any
 from nicegui import ui
 
 from thumper.common.errors import ThumperError
+from thumper.dashboard.guide.robot_file import WORLDS
 from thumper.dashboard.widgets import box, button, inline
 from thumper.ros import services
 from thumper.ros.service import QueryClient
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0)
 POLL_PERIOD_S = 2.0  # the robot may start after the page, and other pages may apply faults
+WORLD_LABELS = {place.partition("&")[0]: label for label, place in WORLDS.items()}
 POSE_HINT = "x, y, heading°"
 
 
 class SimulatorPanel:
     """The panel of one page."""
 
-    def __init__(self, robot: QueryClient) -> None:
-        """Add the panel to the current NiceGUI container; it queries the simulator once the page is open."""
+    def __init__(self, robot: QueryClient, injected: ui.html) -> None:
+        """Add the panel to the current NiceGUI container; it queries the simulator once the page is open.
+
+        `injected` shows the active faults beside a fault of the board, which they may explain.
+        """
         self._robot = robot
+        self._injected = injected
         self._faults: Mapping[str, Mapping[str, Any]] = {}
         self._speeds: dict[float, ui.element] = {}
         inline("<h2>Speed</h2>")
@@ -69,12 +75,16 @@ class SimulatorPanel:
             world = await asyncio.to_thread(services.SIMULATOR_WORLD.call, self._robot)
         except ThumperError:
             return  # no robot yet, or a real one: the tab is hidden
-        self._active.set_content(escape(_faults_text(world.on)))
+        self._active.set_content(f"Active faults: {escape(_faults_text(world.on)) or 'none'}")
+        self._injected.set_content(
+            f"Simulated faults: {escape(_faults_text(world.on))} (tab Sim)" if world.on else ""
+        )
         self._clear.set_visibility(bool(world.on))
         for speed, choice in self._speeds.items():
             choice.props(f"aria-pressed={str(speed == world.speed).lower()}")
-        if world.worlds != self._world.options:
-            self._world.set_options(world.worlds, value=world.world if world.world in world.worlds else None)
+        if world.worlds != list(self._world.options):
+            names = {name: WORLD_LABELS.get(name, name) for name in world.worlds}
+            self._world.set_options(names, value=world.world if world.world in world.worlds else None)
             self._restart.set_visibility(bool(world.worlds))
         if not self._faults:
             self._faults = world.faults
@@ -124,9 +134,8 @@ class SimulatorPanel:
 
 
 def _faults_text(faults: Mapping[str, Any]) -> str:
-    """Describe the active faults, whoever applied them."""
-    active = (f"{_fault_title(name)} {value}" for name, value in faults.items())
-    return f"Active faults: {', '.join(active) or 'none'}"
+    """Describe the active faults, whoever applied them; empty if there are none."""
+    return ", ".join(f"{_fault_title(name)} {value}" for name, value in faults.items())
 
 
 def _fault_title(name: str) -> str:

@@ -61,9 +61,16 @@ function sendWaitingStop() {
 export function notify(text, kind) {
   const list = document.getElementById("tp-notices");
   if (!list) return;
+  for (const old of [...list.children]) if (old.dataset.text === text) old.remove(); // said again
   const notice = list.appendChild(document.createElement("div"));
   notice.className = `tp-notice ${kind}`;
-  notice.textContent = text;
+  notice.dataset.text = notice.textContent = text;
+  if (text.startsWith("another page controls the robot")) {
+    const take = notice.appendChild(document.createElement("button"));
+    Object.assign(take, { type: "button", className: "tp-plain", textContent: "Take control" });
+    take.dataset.takeControl = "";
+    take.addEventListener("click", () => notice.remove());
+  }
   while (list.children.length > MAX_NOTICES) list.firstChild.remove();
   setTimeout(() => notice.remove(), NOTICE_MS);
 }

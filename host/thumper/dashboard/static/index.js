@@ -12,6 +12,7 @@ import { addPlayback } from "./playback.js";
 import { places } from "./places.js";
 import { startReadouts } from "./readouts.js";
 import { startShortcuts } from "./shortcuts.js";
+import { startSliders } from "./sliders.js";
 import { startStream, state } from "./stream.js";
 import { tune } from "./tune.js";
 
@@ -25,6 +26,7 @@ export function startPage() {
   startCommands();
   startReadouts();
   startShortcuts();
+  startSliders();
   startStream(); // first: the emergency stop needs it, and nothing below
   document.getElementById("tp-loading")?.remove(); // it covers the button of the emergency stop
   addPlayback();

@@ -63,7 +63,10 @@ export function library(root) {
     row.replaceChildren();
     const title = row.appendChild(document.createElement("label"));
     title.append(name);
-    title.appendChild(document.createElement("small")).textContent = `${MB} MB, ${formatAge(saved_s)}`;
+    title.appendChild(document.createElement("small")).textContent = `${MB} MB, `;
+    const age = title.lastChild.appendChild(document.createElement("span"));
+    age.dataset.savedS = saved_s;
+    age.textContent = formatAge(saved_s);
     if (isMap) addButton(row, "Load", `Load the map ${name}`, () => send({ kind: "load_map", name }));
     else addButton(row, "Play", `Play ${name}`, () => playRecording(name));
     addButton(row, "Download", `Download ${name}`, () => download(href), "download");
@@ -131,5 +134,8 @@ export function library(root) {
       if (!list.children.length) addHint(list, hint);
     }
   }
+  setInterval(() => root.querySelectorAll("[data-saved-s]").forEach((age) => {
+    age.textContent = formatAge(age.dataset.savedS);
+  }), 1000);
   refresh();
 }
