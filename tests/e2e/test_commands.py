@@ -97,6 +97,28 @@ def test_ctrl_c_cancels_the_goal(thumper: Run, bus: str) -> None:
     until(lambda: '"idle"' in thumper("status", "--json", "--bus", bus).stdout)
 
 
+def test_explore_lets_the_running_robot_explore_and_waits(thumper: Run, bus: str) -> None:
+    done = thumper("explore", "--bus", bus)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[0].startswith("exploring, for 15 minutes at most")
+    assert "back at the start\n" in done.stdout
+    refused = thumper("explore", "--bus", bus, "--minutes", "3")
+    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
+    assert "a robot is running: leave out --minutes" in refused.stderr
+
+
+def test_ctrl_c_cancels_the_exploration(bus: str) -> None:
+    command = [str(THUMPER), "explore", "--bus", bus]
+    process = subprocess.Popen(
+        [*END_WITH_PARENT, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert "exploring" in process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=20)
+    assert (process.returncode, errors) == (130, "thumper: interrupted; the robot stops\n")
+
+
 def test_save_waits_for_the_files(thumper: Run, bus: str) -> None:
     done = thumper("save", "--bus", bus)
     assert done.returncode == 0, done.stderr

@@ -1,11 +1,13 @@
 """`thumper explore`: map an unknown place autonomously and return to the start."""
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from thumper.cli.options.bus import connect
 from thumper.cli.options.common import (
     BoardPort,
     BusAddress,
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
 @report_interrupt()
 def explore(
+    context: typer.Context,
     board: BoardPort = "",
     lidar: LidarPort = "",
     minutes: Annotated[float, typer.Option(help="Return home after this many minutes.", min=0.1)] = 15.0,
@@ -49,11 +52,17 @@ def explore(
     itself. If the last run did not end normally (power cut, crash), the robot resumes its map. Exits with 1
     if it did not return to its start.
 
+    If a robot is running already and neither --board nor --lidar is given, that robot explores, as on its
+    page: for 15 minutes at most, from where it is. Ctrl-C cancels. `thumper save` saves its map.
+
     Examples:
 
+    - `thumper explore`
     - `thumper explore --board 'sim://?world=house-4' --ui`
     - `thumper explore --board /dev/ttyUSB0 --lidar /dev/ttyACM0 --minutes 10`
     """
+    if not board and not lidar and _explored_by_running_robot(context, config, bus):
+        return
     from rich.console import Console
 
     from thumper.cli.output.drive_progress import raise_if_interrupted
@@ -98,6 +107,38 @@ def explore(
     raise_if_interrupted(result)
     if not result.reached:
         raise typer.Exit(1)
+
+
+def _explored_by_running_robot(context: typer.Context, config: Path | None, bus: str) -> bool:
+    """Let the robot that runs on the bus explore, and wait until it is back; return False if none runs.
+
+    Raises
+    ------
+    ThumperError
+        The robot refuses or does not come back, or an option is given that only a new robot takes.
+    """
+    from thumper.common.errors import EXIT_USAGE, ThumperError
+
+    try:
+        client = connect(config, bus, "")
+    except ThumperError:  # nobody is there, or it needs keys or a token: a new robot checks them, too
+        return False
+    from thumper.cli.follow_task import follow_task  # slow
+    from thumper.runtime.drive.exploration import BACK
+
+    with client:
+        sources = {name: context.get_parameter_source(name) for name in context.params}
+        given = [name for name, source in sources.items() if source is not None and source.name != "DEFAULT"]
+        if refused := [f"--{name.replace('_', '-')}" for name in given if name not in ("config", "bus")]:
+            raise ThumperError(
+                f"a robot is running: leave out {', '.join(refused)}, or end its program first",
+                exit_code=EXIT_USAGE,
+            )
+        show = partial(print, flush=True)
+        ends = f"not {BACK}"
+        show(follow_task(client, "explore", is_done=lambda text: text.endswith(BACK), failed=ends, show=show))
+        show("save the map with `thumper save`")
+    return True
 
 
 def _home(robot: "RobotLoop", *, at_start: bool) -> "Goal":

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from thumper.cli import dock
+from thumper.cli import dock, follow_task
 from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
 
 EARLIER = "not docked: replaced by another task"
@@ -50,13 +50,13 @@ def run(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
     def connect(*_: object) -> Iterator[Client]:
         yield client
 
-    class Report(dock._DockReport):
+    class Report(follow_task.TaskReport):
         def restart(self) -> None:
             super().restart()
             client.answer()
 
     monkeypatch.setattr(dock, "connect", connect)
-    monkeypatch.setattr(dock, "_DockReport", Report)
+    monkeypatch.setattr(follow_task, "TaskReport", Report)
     dock.dock()
 
 
@@ -73,7 +73,7 @@ def test_a_docking_that_another_task_replaces_fails(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_robot_with_its_motors_off_does_not_dock(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dock, "IDLE_TIMEOUT_S", 0.0)
+    monkeypatch.setattr(follow_task, "IDLE_TIMEOUT_S", 0.0)
     with pytest.raises(ThumperError, match="not docked: the robot's motors are off"):
         run(Client(mode="idle"), monkeypatch)
 

@@ -5,7 +5,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer
 from thumper.runtime.drive.drive_manager import DriveManager
-from thumper.runtime.drive.exploration import NOTHING_LEFT, MapAndPose, explore, home_at
+from thumper.runtime.drive.exploration import BACK, NOTHING_LEFT, MapAndPose, explore, home_at
 from thumper.runtime.drive.task_driver import TaskDriver
 from thumper.runtime.drive.tasks import Task
 from thumper.runtime.publisher import Publisher
@@ -57,9 +57,9 @@ class ExplorationStarter:
         report = self._publisher.publish_event
         result = yield from explore(explorer, self._now, home, limit_s=LIMIT_S, report=report)
         if not result.reached:
-            self._publisher.publish_event(f"not back at the start: {result.reason}")
+            report(f"not {BACK}: {result.reason}")
             return result
         self._drive_manager.reason = result.reason  # instead of the home goal, which no user has set
-        if not result.reason.startswith(NOTHING_LEFT):
-            self._publisher.publish_event(result.reason)
+        # That no frontier is left was reported before the way home.
+        report(BACK if result.reason.startswith(NOTHING_LEFT) else result.reason)
         return result
