@@ -186,6 +186,9 @@ def test_supervisor_stops_the_robot_and_the_page_names_the_fault(
     wait(front_page, "now.left_speed > 3000 && now.right_speed > 3000")
     expect(front_page.locator(".robot-fault")).to_be_hidden()
     front_page.locator(f"[data-break={button}]").click()
+    if button == "unplug":
+        hint = "Cable unplugged: without commands the firmware stops the motors after 0.3 s."
+        expect(front_page.locator("[data-hint]")).to_have_text(hint)
     wait(front_page, f"now.state === 'FAULT' && /^({fault})$/.test(now.fault)")
     names = "|".join(FAULT_NAMES[Fault[name]] for name in fault.split("|"))
     expect(front_page.locator(".robot-fault b")).to_have_text(re.compile(f"^({names})$"))
@@ -243,6 +246,16 @@ def test_page_says_in_a_contact_that_the_wheels_slip(front_page: Page) -> None:
     front_page.keyboard.up("w")
     expect(line).to_have_text("You drive it now.")
     assert front_page.evaluate("document.getElementById('robot').simulation.pose.x_m") > 5.7
+
+
+def test_emergency_stop_differs_from_the_buttons_that_break_something(front_page: Page) -> None:
+    width = "(button) => button.getBoundingClientRect().width"
+    colour = "(button) => getComputedStyle(button).color"
+    stop = front_page.get_by_role("button", name="Emergency stop")
+    others = front_page.locator("[data-break]").all()
+    assert others
+    assert all(stop.evaluate(width) > 1.9 * one.evaluate(width) for one in others)
+    assert stop.evaluate(colour) not in [one.evaluate(colour) for one in others]
 
 
 def test_button_back_to_top_covers_no_part_of_the_fault_on_a_phone(front_page: Page) -> None:
