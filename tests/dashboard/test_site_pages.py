@@ -1,10 +1,12 @@
 """The built documentation: lists and numbers as written, drawings without collisions, copy, search."""
 
+import io
 import re
 from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from playwright.sync_api import Browser, expect
 
 from tests.variants import some_of
@@ -232,6 +234,39 @@ def test_wide_formulas_and_commands_scroll_on_a_phone(browser: Browser, pages: P
     page = browser.new_page(viewport={"width": 390, "height": 844})
     page.goto((pages / name).as_uri())
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.close()
+
+
+def test_wide_table_has_a_shadow_where_columns_are_hidden(browser: Browser, pages: Path) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.goto((pages / "results/navigation.html").as_uri())
+    page.add_style_tag(content=".md-header, .md-sidebar-button { display: none }")
+    table = page.locator("h2#barn ~ .md-typeset__scrollwrap").first
+    table.scroll_into_view_if_needed()
+    box = table.bounding_box()
+    assert box is not None
+    strip = {"x": box["x"] + box["width"] - 6, "y": box["y"] + box["height"] - 12, "width": 6, "height": 8}
+
+    def darkest() -> int:
+        picture = Image.open(io.BytesIO(page.screenshot(clip=strip))).convert("L")  # type: ignore[arg-type]
+        return int(picture.getextrema()[0])  # type: ignore[arg-type]
+
+    assert darkest() < 240
+    table.evaluate("(one) => (one.scrollLeft = one.scrollWidth)")
+    assert darkest() > 250
+    page.close()
+
+
+def test_button_of_the_contents_goes_on_the_way_down_a_phone(browser: Browser, pages: Path) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.goto((pages / "results/navigation.html").as_uri())
+    button = page.locator(".md-sidebar-button")
+    page.mouse.move(195, 400)
+    expect(button).to_be_visible()
+    page.mouse.wheel(0, 900)
+    expect(button).to_be_hidden()
+    page.mouse.wheel(0, -200)
+    expect(button).to_be_visible()
     page.close()
 
 
