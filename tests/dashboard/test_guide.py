@@ -211,6 +211,27 @@ def test_tuning_ends_with_its_figures_and_only_better_gains_are_a_question(
     assert guide.outcomes[Step.TUNE].text == text
 
 
+def test_a_stopped_tuning_begins_again_and_may_be_skipped() -> None:
+    state = ExperimentState(running="tune", share=0.5, what="", lines=[], problem="", has_report=False)
+    states = [state, replace(state, running="", problem="emergency stop")]
+    guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
+    guide.watch = SimpleNamespace(status=object(), restart=lambda: None)  # type: ignore[assignment]
+    guide._robot = SimpleNamespace(
+        query=lambda *_arguments, **_options: {"ok": True, **asdict(states.pop(0))}
+    )
+    guide.begin(Step.TUNE)
+    for _ in range(2):
+        in_own_loop(guide._follow_tuning())
+    outcome = guide.outcomes[Step.TUNE]
+    assert (outcome.verdict, outcome.text) == ("skip", "stopped; press Tune to begin again")
+    guide._set("fail", "the lane is too short")
+    guide.advance()
+    assert (guide.step, guide.outcomes[Step.TUNE].verdict) == (Step.DRIVE, "skip")
+    guide._set("pass", "drove 0.31 m")
+    guide.advance()
+    assert guide.outcomes[Step.DRIVE].verdict == "pass"
+
+
 def test_a_map_is_saved_once_the_robot_reports_its_files() -> None:
     guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
     reports = ["map saved: maps/den.pgm, den.yaml, den.session", "the map was not saved: no space left"]

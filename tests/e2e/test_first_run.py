@@ -1,5 +1,6 @@
 """`thumper setup` in Chromium: a bare emulated board is flashed, and STOP ends the wheel check."""
 
+import re
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -52,6 +53,8 @@ def follow(tmp_path: Path) -> None:
         page.on("pageerror", lambda error: problems.append(str(error)))
         walk = Guided(page, tmp_path)
         with walk.server():
+            page.goto(page.url.removesuffix("setup"))
+            expect(page).to_have_url(re.compile("/setup$"))  # the dashboard has no robot to show yet
             banner = page.locator("#tp-banner")  # the page has a connection for STOP
             expect(banner).to_have_text("No robot is running yet: step 4 starts it.")
             page.get_by_label("World of a simulated robot").click()

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from fastapi import FastAPI
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, RedirectResponse
 from nicegui import app as nicegui_app
 from nicegui import ui
 from starlette.middleware import Middleware
@@ -132,9 +132,12 @@ def build_app(
     add_map_edits(app, page.library)
 
     @ui.page("/", title=page_title(page.robot), favicon=STATIC / "icon.svg")
-    def index() -> None:
+    def index() -> RedirectResponse | None:
+        if guide is not None and not guide.has_robot:
+            return RedirectResponse("/setup")  # a dashboard without a robot helps nobody
         build_page(page, robot, lambda: (state.value("board") or {}).get("state", ""))
         drop_abandoned_pages()
+        return None
 
     if guide is not None:
         add_guide(guide, robot, page, commands)

@@ -33,6 +33,7 @@ RETURNING = re.compile(r"(explored|time is up) after ")  # without "back at the 
 NO_BETTER = "the new gains are no better; the board uses the old ones again"
 TRACKING = re.compile(r"tracking error at (\S+ rad/s²) (\S+) → (\S+) rad/s(, no change)?")
 SAVED, NOT_SAVED = "map saved: ", "the map was not saved: "
+STOPPED = "emergency stop"  # the problem of an experiment that it ended
 TURNED = "motor forward"  # in the lines of the wheel check
 
 
@@ -54,11 +55,14 @@ class Step(StrEnum):
 STEPS = tuple(Step)
 
 
+Verdict = Literal["pass", "warn", "fail", "skip"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepOutcome:
     """How a step ended, in one line with the fix."""
 
-    verdict: Literal["pass", "warn", "fail"]
+    verdict: Verdict
     text: str
 
 
@@ -147,8 +151,16 @@ class Guide:
         self.outcomes.pop(self.step, None)
         self.begin(self.step)
 
+    @property
+    def has_robot(self) -> bool:
+        """Whether the guide has started `thumper run`."""
+        return self._run is not None
+
     def advance(self) -> None:
-        """Go on to the next step."""
+        """Go on to the next step; this one counts as skipped unless it has succeeded."""
+        outcome = self.outcomes.get(self.step)
+        if self.busy is None and (outcome is None or outcome.verdict in ("fail", "skip")):
+            self._set("skip", "skipped")
         self.begin(STEPS[STEPS.index(self.step) + 1])
 
     def interrupt(self) -> None:
@@ -301,7 +313,10 @@ class Guide:
             self.busy, self._is_tuning = None, False
             self.is_tuned = not state.problem and state.lines[-1:] != [NO_BETTER]
             self._change = tracking_changes(state)
-            self._set("fail" if state.problem else "pass", state.problem or tuned_text(state))
+            if state.problem == STOPPED:
+                self._set("skip", "stopped; press Tune to begin again")
+            else:
+                self._set("fail" if state.problem else "pass", state.problem or tuned_text(state))
 
     def _follow_event(self, text: str) -> None:
         if match := MISSION_END.match(text):
@@ -331,7 +346,7 @@ class Guide:
         if self.outcomes[step].verdict == "pass":
             self.advance()
 
-    def _set(self, verdict: Literal["pass", "warn", "fail"], text: str) -> None:
+    def _set(self, verdict: Verdict, text: str) -> None:
         self.outcomes[self.step] = StepOutcome(verdict=verdict, text=text)
 
     def _new(self, *arguments: str) -> StepCommand:

@@ -22,7 +22,7 @@ SELECT_GOAL_TOOL = """(function select() {
   if (tool && !tool.disabled) tool.click();
   else setTimeout(select, 100);
 })()"""
-MARKS = {"pass": "check_circle", "warn": "warning", "fail": "error"}
+MARKS = {"pass": "check_circle", "warn": "warning", "fail": "error", "skip": "remove_circle_outline"}
 
 
 def add_guide(guide: Guide, robot: WatchedBus, options: PageOptions, commands: PageCommands) -> None:
@@ -75,6 +75,7 @@ def _build_page(guide: Guide, options: PageOptions) -> None:
                 )
     with box("tg-fault").props("role=alert"):
         inline('<b data-field="fault_words"></b><span data-field="fault_cure"></span>')
+        inline("<span>Clear the fault when it is safe. Then press the button of the step again.</span>")
         with button("tp-plain", {"data-command": '{"kind": "command", "name": "clear_fault"}'}):
             inline("<span>Clear fault</span>")
     box("tp-notices").props("id=tp-notices role=alert")
