@@ -34,6 +34,7 @@ help:
 	@echo "make mutation  change the firmware, and what decides in the host, line by line; a test must notice (an hour)"
 
 demo: firmware chip $(VENV)/.kernels
+	@echo "starting the simulator"
 	@$(BIN)/thumper demo
 
 test: firmware chip $(VENV)/.dev $(VENV)/.kernels
