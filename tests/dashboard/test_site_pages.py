@@ -161,6 +161,8 @@ def test_search_finds_what_to_do_with_a_lost_robot_without_a_server(browser: Bro
     [
         ("docking", r"howto/docking\.html"),
         ("robot does not move", r"howto/troubleshooting\.html.*#the-robot-does-not-move$"),
+        ("lidar not found", r"howto/troubleshooting\.html.*#lidar-not-found$"),
+        ("how do I map a room", r"tutorials/map\.html"),
         ("battery", r"howto/\w+\.html.*battery"),
         ("what is a costmap", r"explanation/navigation\.html.*#what-a-costmap-is$"),
     ],
