@@ -64,6 +64,8 @@ def follow(tmp_path: Path) -> None:
             walk.retried("flash", "check", ("Flash",))
             walk.click("Turn the wheels")
             expect(page.locator(".tg-output")).to_contain_text("pass")  # seconds before the wheels turn
+            expect(page.get_by_role("button", name="Turn the wheels")).to_have_count(0)
+            expect(page.get_by_role("button", name="Cancel")).to_be_enabled()
             stop = page.locator(".tp-estop").bounding_box()
             assert stop is not None
             assert stop["y"] + stop["height"] <= PHONE["height"]  # always in reach

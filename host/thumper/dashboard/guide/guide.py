@@ -156,6 +156,13 @@ class Guide:
         """Whether the guide has started `thumper run`."""
         return self._run is not None
 
+    @property
+    def is_moving(self) -> bool:
+        """Whether the step moves the robot now."""
+        status = self.watch.status
+        explores = self.step is Step.MAP and status is not None and status.mode == "driving"
+        return explores or self.busy in (Step.CHECK, Step.TUNE)
+
     def advance(self) -> None:
         """Go on to the next step; this one counts as skipped unless it has succeeded."""
         outcome = self.outcomes.get(self.step)

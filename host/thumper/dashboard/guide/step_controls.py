@@ -108,6 +108,9 @@ class StepControls:
         if self.confirming:
             self._confirm("Are all wheels off the ground?", "Yes, turn the wheels", self._guide.check)
             return
+        if self._guide.is_moving:
+            self._cancel(self._guide.interrupt)
+            return
         with box("tp-buttons"):
             self._button("Turn the wheels", self._guide.check if self._is_simulated else self._ask)
             outcome = self._guide.outcomes.get(Step.CHECK)
@@ -131,6 +134,9 @@ class StepControls:
                 self._button("Keep the gains", self._guide.keep_gains)
                 self._button("Do not keep them", self._guide.drop_gains, main=False)
             return
+        if self._guide.is_moving:
+            self._cancel()
+            return
         message = {"kind": "experiment", "name": "tune", "lane_m": LANE_M}
         if self.confirming:
             question = f"Is a lane of {LANE_M:g} m ahead and behind clear, 0.8 m wide?"
@@ -153,6 +159,9 @@ class StepControls:
         _text("Explore: the robot maps the room from frontier to frontier at 0.2 m/s, and returns.")
         beside = "" if self._is_simulated else "Stay beside it. "
         _text(f"{beside}Or arm and drive it with the joystick.")
+        if self._guide.is_moving:
+            self._cancel()
+            return
         with box("tp-buttons"):
             self._button("Explore", self._guide.repeat, message={"kind": "command", "name": "explore"})
             self._next()
@@ -188,6 +197,14 @@ class StepControls:
     def _has_passed(self) -> bool:
         outcome = self._guide.outcomes.get(self._guide.step)
         return outcome is not None and outcome.verdict == "pass"
+
+    def _cancel(self, action: Callable[[], Any] | None = None) -> None:
+        """Add the button that ends the motion of this step: by `action`, or by a command to the robot."""
+        data = {} if action else {"data-command": '{"kind": "command", "name": "cancel"}'}
+        with box("tp-buttons"), button("tp-plain", data) as element:
+            inline("<span>Cancel</span>")
+        if action is not None:
+            element.on("click", action)
 
     def _ask(self) -> None:
         self.confirming = True
