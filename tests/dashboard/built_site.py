@@ -13,7 +13,8 @@ PATHS = os.pathsep.join(str(ROOT / folder) for folder in ("host", "hil"))
 def build_pages(folder: Path) -> Path:
     """Build the pages in an empty folder; return the folder of the site."""
     shutil.copy(ROOT / "zensical.toml", folder)
-    shutil.copytree(ROOT / "docs", folder / "docs")
+    for part in ("docs", "packaging/site"):
+        shutil.copytree(ROOT / part, folder / part)
     zensical = Path(sys.executable).with_name("zensical")
     subprocess.run([zensical, "build", "--strict"], cwd=folder, check=True, capture_output=True)
     subprocess.run([sys.executable, ROOT / "scripts/search_weights.py", folder / "site"], check=True)

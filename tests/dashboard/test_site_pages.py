@@ -206,6 +206,14 @@ def test_first_page_fits_the_window_and_its_buttons_lead_on(
     page.close()
 
 
+def test_page_not_found_leads_to_the_start_and_to_troubleshooting(pages: Path) -> None:
+    article = (pages / "404.html").read_text(encoding="utf-8").partition("<article")[2]
+    links = re.findall(r"<p>.*?</p>", article, re.DOTALL)[0]
+    targets = re.findall(r'href="/([^"]+)"', links)
+    assert targets == ["index.html", "howto/troubleshooting.html"]
+    assert all((pages / target).exists() for target in targets)
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize(
     "name", some_of(["index.html", "notebooks/odometry.html", "results/navigation.html"])
