@@ -13,7 +13,7 @@ PATHS = os.pathsep.join(str(ROOT / folder) for folder in ("host", "hil"))
 def build_pages(folder: Path) -> Path:
     """Build the pages in an empty folder; return the folder of the site."""
     shutil.copy(ROOT / "zensical.toml", folder)
-    for part in ("docs", "packaging/site"):
+    for part in ("docs", "packaging/theme"):
         shutil.copytree(ROOT / part, folder / part)
     zensical = Path(sys.executable).with_name("zensical")
     subprocess.run([zensical, "build", "--strict"], cwd=folder, check=True, capture_output=True)
