@@ -25,10 +25,10 @@ class ThumperError(Exception):
     An error of `EXIT_USAGE` is a `UsageError`, one of `EXIT_NOT_THERE` a `NotThereError`.
     """
 
-    def __new__(cls, message: str, *, exit_code: int = 1, option: str = "") -> "ThumperError":
+    def __new__(cls, *args: object, exit_code: int = 1, **named: object) -> "ThumperError":
         """Choose the class by the exit code, so that no place that raises needs to name both."""
         kinds = {EXIT_USAGE: UsageError, EXIT_NOT_THERE: NotThereError}
-        return super().__new__(kinds.get(exit_code, cls) if cls is ThumperError else cls, message)
+        return super().__new__(kinds.get(exit_code, cls) if cls is ThumperError else cls, *args)
 
     def __init__(self, message: str, *, exit_code: int = 1, option: str = "") -> None:
         super().__init__(one_line(message))

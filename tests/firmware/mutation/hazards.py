@@ -114,7 +114,7 @@ HAZARDS: dict[str, Removal] = {
         "(void)reversed;",
         "test_a_wheel_that_keeps_counting_the_wrong_way_is_reversed",
     ),
-    "the same in a slow turn on the spot, while the scrub of the tyres holds the wheel": Removal(
+    "exchanged wires, in a slow turn on the spot, while the scrub of the tyres holds the wheel": Removal(
         INTERFACE,
         "Magnitude(current_mA) * (kMaxPwm * 4 / 3) >= int32_t(2) * stall_2mA * Magnitude(wheel.pwm);",
         "(static_cast<void>(current_mA), true);",

@@ -32,7 +32,7 @@ def test_a_route_has_headings_waits_recordings_and_places_of_the_map(tmp_path: P
     door = SavedPlace(name="door", x_m=2.0, y_m=0.0, yaw_rad=None)
     save_annotations(Annotations(places=(door,)), annotations_path(saved_map))
     first = Waypoint(goal=Goal(x_m=1.0, y_m=0.5, theta_rad=1.57), wait_s=5.0, record=True, beep=True)
-    points = (first, Waypoint(goal=Goal(x_m=2.0, y_m=0.0)))
+    points = (first, Waypoint(goal=Goal(x_m=2.0, y_m=0.0), place="door"))
     assert load_route(route, None, saved_map) == Waypoints(points=points, rounds=2)
 
 

@@ -35,7 +35,7 @@ def test_number_out_of_bounds_names_its_option(command: str, option: str, value:
         "run --board none --goal 1e300 0",
         "run --board none --waypoint 0 1e300",
         "run --board none --start 1e300 0 0",
-        "explore --board none --session none --start 1e300 0 0",
+        f"explore --board none --session {__file__} --start 1e300 0 0",
         "map-log none --session none --start 1e300 0 0",
         "goto 1e300 0 --bus 127.0.0.1:1",
     ],

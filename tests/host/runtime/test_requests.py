@@ -11,7 +11,7 @@ from thumper.gps.earth_reference import MapDatum
 from thumper.maps.annotations import Annotations, SavedPlace
 from thumper.navigation.goal import Goal
 from thumper.runtime.drive.waypoint_requests import parse_waypoints
-from thumper.runtime.drive.waypoints import Waypoints
+from thumper.runtime.drive.waypoints import Waypoint, Waypoints
 from thumper.runtime.requests import LogMessage, TeleopSource, parse_goal
 
 PLACE = {"x_m": 1.0, "y_m": -2.0}
@@ -120,9 +120,11 @@ def test_a_place_is_a_goal() -> None:
 
 def test_goals_have_rounds() -> None:
     goals: list[dict[str, Any]] = [{"place": "sofa"}, PLACE]
-    assert parse_waypoints({"goals": goals}, SAVED) == Waypoints.at(
-        parse_goal(goals[0], SAVED), parse_goal(PLACE)
+    points = (
+        Waypoint(goal=parse_goal(goals[0], SAVED), place="sofa"),
+        Waypoint(goal=parse_goal(PLACE)),
     )
+    assert parse_waypoints({"goals": goals}, SAVED) == Waypoints(points=points)
     assert parse_waypoints({"goals": goals, "rounds": 1000}, SAVED).rounds == 1000
     for wrong in (0, 1001, 1.5, True, "2"):
         with pytest.raises(ThumperError, match="choose 1 to 1000 rounds over 2 goals"):
