@@ -2,6 +2,8 @@
 
 import multiprocessing
 
+import pytest
+
 from thumper.common.compiled_kernel import KernelCache
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, with_ports
@@ -42,6 +44,7 @@ def use(robot: RobotLoop) -> None:
     assert not mapper.is_localizing
 
 
+@pytest.mark.slow
 def test_no_kernel_is_loaded_after_the_start() -> None:
     """In a process of its own: tests before this one have loaded most kernels."""
     with multiprocessing.get_context("spawn").Pool(1) as pool:

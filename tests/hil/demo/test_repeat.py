@@ -42,6 +42,7 @@ def test_statistics_are_per_mission() -> None:
     assert (other.mission, other.runs, other.passed) == ("box", 1, 1)
 
 
+@pytest.mark.slow
 def test_both_missions_pass_and_are_written(tmp_path: Path) -> None:
     assert run_seeds(tmp_path, first_seed=21, seeds=1, console=Console(quiet=True))
     with (tmp_path / "experiment.csv").open(newline="") as stream:

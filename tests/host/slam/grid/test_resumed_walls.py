@@ -41,6 +41,7 @@ def test_walls_do_not_thicken_from_session_to_session() -> None:
     np.testing.assert_allclose(grid.distance_m, distance_from_scratch(grid))
 
 
+@pytest.mark.slow
 def test_a_thin_leg_in_the_open_survives() -> None:
     grid = HitGrid(0.05, 0.5, 0.25)
     leg = ScanPoints(origins_m=np.zeros((1, 2)), ends_m=np.array([[1.02, 0.02]]), kinds=np.array([HIT]))
