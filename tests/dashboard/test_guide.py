@@ -181,6 +181,18 @@ CHANGE = (
 )
 
 
+def guide_after_tuning(*states: ExperimentState) -> Guide:
+    """Return a guide whose robot has reported these states of its tuning."""
+    replies = [{"ok": True, **asdict(state)} for state in states]
+    guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
+    guide.watch = SimpleNamespace(status=object(), restart=lambda: None)  # type: ignore[assignment]
+    guide._robot = SimpleNamespace(query=lambda *_arguments, **_options: replies.pop(0))
+    guide.begin(Step.TUNE)
+    for _ in states:
+        in_own_loop(guide._follow_tuning())
+    return guide
+
+
 @pytest.mark.parametrize(
     ("last", "is_tuned", "text"),
     [
@@ -198,30 +210,14 @@ def test_tuning_ends_with_its_figures_and_only_better_gains_are_a_question(
     state = ExperimentState(
         running="tune", share=0.5, what="", lines=[*LINES, last], problem="", has_report=True
     )
-    states = [state, replace(state, running="")]
-    guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
-    guide.watch = SimpleNamespace(status=object(), restart=lambda: None)  # type: ignore[assignment]
-    guide._robot = SimpleNamespace(
-        query=lambda *_arguments, **_options: {"ok": True, **asdict(states.pop(0))}
-    )
-    guide.begin(Step.TUNE)
-    for _ in range(2):
-        in_own_loop(guide._follow_tuning())
+    guide = guide_after_tuning(state, replace(state, running=""))
     assert (guide.is_tuned, guide.busy) == (is_tuned, None)
     assert guide.outcomes[Step.TUNE].text == text
 
 
 def test_a_stopped_tuning_begins_again_and_may_be_skipped() -> None:
     state = ExperimentState(running="tune", share=0.5, what="", lines=[], problem="", has_report=False)
-    states = [state, replace(state, running="", problem="emergency stop")]
-    guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
-    guide.watch = SimpleNamespace(status=object(), restart=lambda: None)  # type: ignore[assignment]
-    guide._robot = SimpleNamespace(
-        query=lambda *_arguments, **_options: {"ok": True, **asdict(states.pop(0))}
-    )
-    guide.begin(Step.TUNE)
-    for _ in range(2):
-        in_own_loop(guide._follow_tuning())
+    guide = guide_after_tuning(state, replace(state, running="", problem="emergency stop"))
     outcome = guide.outcomes[Step.TUNE]
     assert (outcome.verdict, outcome.text) == ("skip", "stopped; press Tune to begin again")
     guide._set("fail", "the lane is too short")

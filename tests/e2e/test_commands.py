@@ -83,16 +83,24 @@ def test_gains_for_a_running_robot_need_a_drive_that_shows_its_wheels(
     assert "wheels   " in thumper("status", "--bus", bus).stdout
 
 
-def test_ctrl_c_cancels_the_goal(thumper: Run, bus: str) -> None:
-    command = [str(THUMPER), "goto", "--bus", bus, "--", "0.2", "0.05", "180"]
+def interrupted(*arguments: str, first: str) -> tuple[int, str]:
+    """Send Ctrl-C to a command once its `first` line is there; return its exit code and its errors."""
     process = subprocess.Popen(
-        [*END_WITH_PARENT, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*END_WITH_PARENT, str(THUMPER), *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     assert process.stdout is not None
-    assert "m to go" in process.stdout.readline()
+    assert first in process.stdout.readline()
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=20)
-    assert process.returncode == 130
+    return process.returncode, errors
+
+
+def test_ctrl_c_cancels_the_goal(thumper: Run, bus: str) -> None:
+    code, errors = interrupted("goto", "--bus", bus, "--", "0.2", "0.05", "180", first="m to go")
+    assert code == 130
     assert "goal cancelled" in errors
     until(lambda: '"idle"' in thumper("status", "--json", "--bus", bus).stdout)
 
@@ -108,15 +116,8 @@ def test_explore_lets_the_running_robot_explore_and_waits(thumper: Run, bus: str
 
 
 def test_ctrl_c_cancels_the_exploration(bus: str) -> None:
-    command = [str(THUMPER), "explore", "--bus", bus]
-    process = subprocess.Popen(
-        [*END_WITH_PARENT, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None
-    assert "exploring" in process.stdout.readline()
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=20)
-    assert (process.returncode, errors) == (130, "thumper: interrupted; the robot stops\n")
+    ended = interrupted("explore", "--bus", bus, first="exploring")
+    assert ended == (130, "thumper: interrupted; the robot stops\n")
 
 
 def test_save_waits_for_the_files(thumper: Run, bus: str) -> None:

@@ -12,6 +12,7 @@ STATE_NAMES = {  # of `State`, in plain words
     State.MANUAL.name: "manual",
     State.FAULT.name: "fault",
 }
+ARMED_STATES = (State.CLOSED_LOOP.name, State.MANUAL.name)  # the motors may turn
 REFUSAL_REASONS = {
     AckStatus.UNKNOWN_COMMAND: "it does not know this command; flash the firmware of this program's version",
     AckStatus.UNKNOWN_PARAMETER: (

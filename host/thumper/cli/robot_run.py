@@ -1,8 +1,6 @@
 """What `run` and `explore` share: their common options, opening the robot, and the files of a run."""
 
-import errno
 import math
-import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -21,6 +19,7 @@ from thumper.cli.resume import AUTOSAVE, autosaved, keep_earlier_map, load_inter
 from thumper.cli.start_map import load_start_map
 from thumper.common.compile_progress import compile_progress
 from thumper.common.errors import EXIT_USAGE, ThumperError
+from thumper.common.files import unreadable
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, load_config, with_ports
 from thumper.dashboard.process import dashboard_process
@@ -80,12 +79,11 @@ class RunOptions:
         """
         if self.ui_port and not self.ui:
             raise ThumperError("--ui-port belongs to --ui", exit_code=EXIT_USAGE)
-        for path in (self.saved_map, self.session):
-            if path is not None and not path.exists():  # before what comes first: a busy bus or folder
-                raise ThumperError(
-                    f"{path}: cannot be read ({os.strerror(errno.ENOENT)}); check the path",
-                    exit_code=EXIT_USAGE,
-                )
+        for path in filter(None, (self.saved_map, self.session)):
+            try:
+                path.stat()  # before what comes first: a busy bus or folder
+            except OSError as error:
+                raise unreadable(path, error) from None
         if self.start is not None:
             check_place("--start", *self.start[:2])
         configured = load_config(self.config)

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from thumper.teleop.teleop_loop import TeleopLoop
 
 LINE_PERIOD_S = 0.2
-ARMED = ("CLOSED_LOOP", "MANUAL")
 HELP = """r: arm, then hold a key to drive:   u i o   (or W A S D, or the arrow keys)
                                     j k l   k stops; Shift: turbo
                                     m , .
@@ -49,6 +48,7 @@ def teleop(
     - `thumper teleop`
     - `thumper teleop --bus 192.168.1.20:7448 --no-gamepad`
     """
+    from thumper.board.fault_texts import ARMED_STATES
     from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.config.robot import load_config
@@ -80,7 +80,7 @@ def teleop(
             pass
         finally:
             print()
-        if latest.get("board") in ARMED:
+        if latest.get("board") in ARMED_STATES:
             print("the robot is still armed; `thumper stop` switches the motors off")
 
 

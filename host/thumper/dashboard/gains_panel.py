@@ -8,6 +8,7 @@ from typing import Any
 
 from nicegui import ui
 
+from thumper.board.fault_texts import ARMED_STATES
 from thumper.common.errors import ThumperError
 from thumper.dashboard.board_parameters import DOCS, Parameter, Parameters
 from thumper.dashboard.gains_help import EFFECTS, gains_help
@@ -16,7 +17,6 @@ from thumper.dashboard.widgets import box, button
 DECIMALS = 3
 RETRY_S = 2.0  # the robot may start after the page
 BOARD_PERIOD_S = 0.5  # between looks at the board's state
-ARMED = ("CLOSED_LOOP", "MANUAL")
 REVERSED = ("left_motor_reversed", "right_motor_reversed", "left_encoder_reversed", "right_encoder_reversed")
 GROUPS = {  # of what describes the robot; all others are gains
     "Wheels and motors": ("counts_per_rev", "wheel_radius", "track", *REVERSED, "pwm_frequency"),
@@ -77,7 +77,7 @@ class GainsPanel:
             return
         self._state = state
         self.clear_message()
-        if state in ARMED:
+        if state in ARMED_STATES:
             self._revert.props('disabled title="disarm first"')
         else:
             self._revert.props(remove="disabled title")

@@ -6,29 +6,15 @@ from typing import Any, cast
 
 import pytest
 
-from thumper.cli.robot_run import RunOptions
+from tests.host.cli.simulated_run import simulated_run
 from thumper.common.errors import ThumperError
-
-
-def _options(out: Path) -> RunOptions:
-    return RunOptions(
-        config=None,
-        board="sim://",
-        lidar="",
-        bus="",
-        start=None,
-        session=None,
-        out=out,
-        record=False,
-        record_to=None,
-    )
 
 
 @pytest.mark.parametrize("option", ["saved_map", "session"])
 def test_a_missing_file_is_reported_before_a_folder_that_is_in_use(tmp_path: Path, option: str) -> None:
     out, missing = tmp_path / "file", tmp_path / "nofile"
     out.touch()  # cannot be a folder
-    options = replace(_options(out), **cast("Any", {option: missing}))
+    options = replace(simulated_run(out), **cast("Any", {option: missing}))
     with pytest.raises(ThumperError, match=f"^{missing}: cannot be read .*; check the path$"):
         options.load_settings()
 
@@ -47,7 +33,7 @@ def test_another_world_keeps_the_robot_and_starts_a_new_map(
     path = tmp_path / "robot.toml"
     path.write_text(f"[board]\n{config}\n")
     options = replace(
-        _options(tmp_path),
+        simulated_run(tmp_path),
         config=path,
         board=board,
         start=(1.0, 0.0, 90.0),

@@ -96,7 +96,7 @@ class Commands:
     def _change_mode(self, name: str) -> str:
         self._preconditions.require_stationary(name.replace("_", " "))
         if name != "relocalize":  # it searches in slices
-            self._preconditions.switch_motors_off(name.replace("_", " "))
+            self._preconditions.prepare_map_change(name.replace("_", " "))
         text = slam_mode.change(self._inputs.estimator.mapper, name)
         self._publisher.publish_event(text)
         return text

@@ -72,7 +72,7 @@ class MapLibrary:
             raise ThumperError(f"there is no map {request.name!r} in {self._folder}")
         if not isinstance(mapper, SlamModeSwitch):
             raise ThumperError("this robot's mapper cannot localize in a saved map")
-        self._preconditions.switch_motors_off(f"loaded map {request.name!r}")
+        self._preconditions.prepare_map_change(f"loaded map {request.name!r}")
         grid, annotations = load_map(path), load_annotations(annotations_path(path))
         datum = load_datum(path)
         mapper.localize_in(grid, None)

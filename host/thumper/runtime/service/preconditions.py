@@ -31,10 +31,10 @@ class Preconditions:
         if self.drive_manager.mode in (DriveMode.DRIVING, DriveMode.MANUAL, DriveMode.STOPPING):
             raise ThumperError(f"the robot must be stationary to {action}: stop it first")
 
-    def switch_motors_off(self, reason: str) -> None:
-        """Switch the motors of an armed robot off: what follows may take longer than the board's time-out.
+    def prepare_map_change(self, reason: str) -> None:
+        """Forget why an earlier drive ended, and switch the motors of an armed robot off.
 
-        What follows also changes the map or its use, so why an earlier drive ended is outdated.
+        What follows changes the map or its use, and may take longer than the board's time-out.
         """
         self.drive_manager.forget_reason()
         if self.drive_manager.mode is DriveMode.HOLDING:

@@ -1,12 +1,14 @@
 """Output folders: two robot processes do not write to one, and failed work leaves no empty one."""
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from tests.host.cli.simulated_run import simulated_run
 from thumper.cli.output.folder import new_output, reserved
-from thumper.cli.robot_run import RunOptions, opened_robot
+from thumper.cli.robot_run import opened_robot
 from thumper.common.errors import ThumperError
 from thumper.config.robot import RobotConfig
 
@@ -14,18 +16,7 @@ from thumper.config.robot import RobotConfig
 def test_a_second_robot_neither_resumes_nor_replaces_the_map_of_a_running_one(tmp_path: Path) -> None:
     session = tmp_path / "autosave.session"
     session.write_text("of the running robot")
-    options = RunOptions(
-        config=None,
-        board="sim://",
-        lidar="",
-        bus="",
-        start=None,
-        session=None,
-        out=tmp_path,
-        record=False,
-        record_to=None,
-        fresh=True,
-    )
+    options = replace(simulated_run(tmp_path), fresh=True)
     with (
         reserved(tmp_path),
         pytest.raises(ThumperError, match=r"another robot process writes to .*; stop it, or .* --out"),
