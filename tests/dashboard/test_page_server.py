@@ -25,6 +25,7 @@ def test_page_that_is_not_connected_yet_does_not_report_a_lost_connection(
     page.close()
 
 
+@pytest.mark.slow
 def test_page_reconnects_to_a_restarted_server(page: Page, server: Server, robot: FakeRobot) -> None:
     server.kill()
     expect(page.locator("#tp-banner")).to_contain_text("No connection")

@@ -48,6 +48,7 @@ def log_of(server: Server) -> str:
     return server._log.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_visits_that_never_connect_do_not_fill_the_memory(server: Server) -> None:
     for _ in range(20):
         assert visit(server) == 200

@@ -73,6 +73,7 @@ def test_docks_and_undocks_with_the_motors_off_afterwards(start: Pose2) -> None:
         assert service.bench.contacts == 0
 
 
+@pytest.mark.slow
 def test_a_cancelled_approach_is_not_tried_again() -> None:
     with robot("cancelled-dock", staging_m=0.6) as service:
         service.put(RobotCommand(name="dock"))
@@ -156,6 +157,7 @@ def test_without_a_charger_at_the_contacts_it_is_not_docked() -> None:
         raise AssertionError(service.events)
 
 
+@pytest.mark.slow
 def test_a_charger_at_the_contacts_is_found_by_the_voltage() -> None:
     with robot("live-charger", staging_m=0.4, charger_V=0.3) as service:
         service.put(RobotCommand(name="dock"))

@@ -14,6 +14,7 @@ from thumper.runtime.drive.data_age import LIDAR_LOST
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
+@pytest.mark.slow
 def test_a_lost_lidar_ends_exploration_and_saves_the_map(thumper: Run, tmp_path: Path) -> None:
     (tmp_path / "faults.toml").write_text('faults = [{ at_s = 6.0, lidar = "unplugged" }]\n')
     board = f"sim://robot/board?world=lab&scenario={tmp_path / 'faults.toml'}"

@@ -62,6 +62,7 @@ def test_a_robot_finds_its_start_among_equal_sheds_and_a_goal_on_earth(yard: Pat
     assert load_datum(tmp_path / "out" / "map.yaml") == pytest.approx(YARD_DATUM, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_place_far_from_the_fix_is_not_taken_for_the_start(tmp_path: Path) -> None:
     """Of two equal sheds the map has only the other one."""
     grid = World.load("yard").to_grid()
@@ -94,6 +95,7 @@ def test_a_start_far_from_the_fix_is_reported(yard: Path) -> None:
         )
 
 
+@pytest.mark.slow
 def test_a_run_too_short_for_the_place_on_earth_says_so(tmp_path: Path) -> None:
     (tmp_path / "robot.toml").write_text("[gps]\nenabled = true\n")
     board = f"sim://short/board?{IN_THE_EAST_SHED}&gps=rtk"

@@ -64,6 +64,7 @@ def test_a_low_battery_ends_the_mission_and_the_robot_drives_home() -> None:
         assert service.mode == "driving"
 
 
+@pytest.mark.slow
 def test_who_stops_the_robot_then_is_obeyed() -> None:
     with robot("stays", HOME) as service:
         patrol(service)
@@ -74,6 +75,7 @@ def test_who_stops_the_robot_then_is_obeyed() -> None:
         assert service.mode == "idle"
 
 
+@pytest.mark.slow
 def test_without_a_place_to_drive_to_the_mission_goes_on() -> None:
     with robot("homeless") as service:
         patrol(service)
@@ -85,6 +87,7 @@ def test_without_a_place_to_drive_to_the_mission_goes_on() -> None:
         assert service.mode == "driving"
 
 
+@pytest.mark.slow
 def test_by_default_no_voltage_ends_a_mission() -> None:
     with robot("carefree", HOME, limit_V=DockOptions().low_battery_V) as service:
         patrol(service)

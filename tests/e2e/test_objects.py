@@ -221,6 +221,7 @@ def test_a_slow_detector_gets_the_newest_frame_and_delays_no_cycle(tmp_path: Pat
         assert objects.objects[0].seen_s == slow.frames[2].time_s
 
 
+@pytest.mark.slow
 def test_a_result_from_before_another_map_is_dropped(tmp_path: Path) -> None:
     with slow_robot(tmp_path) as (service, slow, objects):
         for _ in range(3):

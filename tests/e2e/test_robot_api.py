@@ -377,6 +377,7 @@ def test_a_dot_in_the_name_of_a_map_stays(tmp_path: Path, lab: Robot) -> None:
     }
 
 
+@pytest.mark.slow
 def test_a_pause_of_the_script_does_not_shorten_the_next_call(ports: tuple[Path, Path]) -> None:
     """On real ports, data arrives during the pause and waits."""
     with Robot(str(ports[0]), lidar=str(ports[1])) as robot:

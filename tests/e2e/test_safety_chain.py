@@ -190,7 +190,13 @@ def page(chain: Chain) -> Iterator[subprocess.Popen[str]]:
     process.wait()
 
 
-@pytest.mark.parametrize("by", [signal.SIGSTOP, signal.SIGKILL], ids=["frozen", "bus cut"])
+@pytest.mark.parametrize(
+    "by",
+    [
+        pytest.param(signal.SIGSTOP, id="frozen"),
+        pytest.param(signal.SIGKILL, id="bus cut", marks=pytest.mark.slow),
+    ],
+)
 def test_page_gone(chain: Chain, page: subprocess.Popen[str], by: signal.Signals) -> None:
     cut_s = time.monotonic()
     page.send_signal(by)

@@ -46,6 +46,7 @@ def starved(process: subprocess.Popen[bytes], share: float, period_s: float) -> 
         thread.join()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("share", "period_s"), [(0.25, 0.1), pytest.param(0.05, 0.2, marks=pytest.mark.slow)]
 )

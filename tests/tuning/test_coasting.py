@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.variants import some_of
 from thumper_tuning.drive.excitation import ExcitationOptions, excitation_blocks
 from thumper_tuning.identify.motor import identify
 from thumper_tuning.identify.segments import split_segments
@@ -43,7 +44,7 @@ def simulated_log(*, coasts: bool, unit: DriveUnit = DriveUnit.PWM) -> MotorLog:
     )
 
 
-@pytest.mark.parametrize("coasts", [False, True])
+@pytest.mark.parametrize("coasts", some_of([True, False]))
 def test_the_motor_is_identified_whether_it_coasts_or_brakes(coasts: bool) -> None:
     model = identify([simulated_log(coasts=coasts)]).model
     assert model.gain == pytest.approx(GAIN, rel=0.02)

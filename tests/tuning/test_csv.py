@@ -122,6 +122,7 @@ def test_clipped_speeds_are_fitted_where_they_are_not_clipped(fit: Fit, ceiling_
     assert f"stay at {ceiling_rad_s:g} rad/s" in warnings
 
 
+@pytest.mark.slow
 def test_fast_rows_with_clipped_speeds(fit: Fit) -> None:
     time_s, pwm = 0.05 * np.arange(800.0), np.repeat(PWM[:400], 2)
     counts = counted(WHEEL.drive(time_s, pwm, 4))
@@ -132,6 +133,7 @@ def test_fast_rows_with_clipped_speeds(fit: Fit) -> None:
     assert "saturated" in str(result["warnings"])
 
 
+@pytest.mark.slow
 def test_clipped_speeds_may_be_coarse(fit: Fit) -> None:
     """One count is 3 % of the ceiling; the drives there differ by more than that."""
     time_s = 0.02 * np.arange(750.0)
@@ -146,6 +148,7 @@ def test_clipped_speeds_may_be_coarse(fit: Fit) -> None:
     assert "saturated" in str(result["warnings"])
 
 
+@pytest.mark.slow
 def test_speeds_of_one_count_are_named_as_too_coarse(fit: Fit) -> None:
     """48 counts per revolution over 10 ms, logged each 5 ms: one count is 13 rad/s."""
     time_s = 0.005 * np.arange(3000.0)
@@ -156,6 +159,7 @@ def test_speeds_of_one_count_are_named_as_too_coarse(fit: Fit) -> None:
         fit("time_s,pwm,speed_rad_s", time_s, pwm, speed)
 
 
+@pytest.mark.slow
 def test_a_kind_of_stretch_that_does_not_move_is_not_scored(fit: Fit) -> None:
     """1.5 s of rest are no steps that the model fails to predict."""
     time_s = 0.02 * np.arange(1000.0)
@@ -166,6 +170,7 @@ def test_a_kind_of_stretch_that_does_not_move_is_not_scored(fit: Fit) -> None:
     assert "held-out steps" not in str(result["warnings"])
 
 
+@pytest.mark.slow
 def test_speeds_that_repeat_are_named(fit: Fit) -> None:
     """A motor controller sends a speed each 20 ms; the log has a row each 5 ms."""
     time_s = 0.005 * np.arange(1500.0)

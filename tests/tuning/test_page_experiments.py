@@ -61,6 +61,7 @@ def state_after(robot: RobotLoop) -> State:
     return robot.inputs.telemetry.state
 
 
+@pytest.mark.slow
 def test_motors_are_identified(robot: RobotLoop) -> None:
     assert ask(robot, "experiment/start", {"name": "identify", "lane_m": 1.2})["text"] == "identify begins"
     robot.cycle()

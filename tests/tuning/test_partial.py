@@ -92,12 +92,14 @@ def steps_with_noise(wheel: Wheel) -> tuple[FloatArray, FloatArray, FloatArray]:
     return time_s, pwm, np.diff(counts, prepend=0.0) * COUNT_RAD / 0.02 + noise_rad_s
 
 
+@pytest.mark.slow
 def test_noise_before_a_step_is_no_start_in_motion(fit: Fit) -> None:
     result = fit("time_s,pwm,speed_rad_s", *steps_with_noise(WHEEL))
     assert result["time_constant_s"] == pytest.approx(WHEEL.tau_s, rel=0.1)
     assert result["warnings"] == []
 
 
+@pytest.mark.slow
 def test_noise_does_not_hide_that_drive_and_motion_start_in_one_row(fit: Fit) -> None:
     """The loop sets the PWM, waits, measures and logs: the row holds the drive before it."""
     time_s, pwm, speed = steps_with_noise(Wheel())

@@ -95,6 +95,7 @@ def test_a_long_delay_in_fast_rows_is_found() -> None:
     assert fit.model.delay_s == pytest.approx(0.15, abs=0.005)
 
 
+@pytest.mark.slow
 def test_a_delay_beyond_the_search_is_not_determined() -> None:
     with pytest.raises(UndeterminedError, match="does not determine the delay: the fit ends at its limit"):
         identify([speed_log(0.02, 0.02, 0.75, seconds=16.0)])

@@ -152,6 +152,7 @@ def test_the_export_loads_into_python_control(motor: IdentifiedMotor, tmp_path: 
     assert systems["wheel_continuous"].isctime()
 
 
+@pytest.mark.slow
 def test_a_richer_model_predicts_as_well_as_the_first_order() -> None:
     """Also speeds that a driver reads at the row, not averaged over it: there the second order was worse."""
     period_s = 0.02

@@ -114,6 +114,7 @@ def test_every_tick_of_any_drive_is_within_one_pwm(
             assert abs(state[2] - reference.predicted) <= 1.5
 
 
+@pytest.mark.slow
 def test_ramp_and_model_do_not_drift_in_a_long_drive(core: ctypes.CDLL) -> None:
     """Seven hours with starts, reversals and stops. The reference takes the integral, which test_pi proves
     exact, after each tick. Its ramp, model and feed-forward run independently."""

@@ -45,6 +45,7 @@ def test_within_one_pwm_of_float_for_every_input(
         assert core.pi_integral(chip) == reference.integral_pwm * Q19, "the integral must be exact"
 
 
+@pytest.mark.slow
 def test_no_drift_in_a_million_ticks(core: ctypes.CDLL) -> None:
     noise = random.Random(1)
     ticks, kp, ki = 1_000_000, 6082, 4194

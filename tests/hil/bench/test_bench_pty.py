@@ -79,6 +79,7 @@ def test_board_and_lidar_answer_on_their_ports(served: Served) -> None:
     assert not served.lidar.is_symlink()
 
 
+@pytest.mark.slow
 def test_wrong_baud_rate_gives_garbage(served: Served) -> None:
     with serial.Serial(str(served.board), 115_200, timeout=0.5) as port:
         decoder = FrameDecoder()

@@ -33,6 +33,7 @@ def test_unexpected_stop_is_reported_as_a_failure(monkeypatch: pytest.MonkeyPatc
     assert all("motor.left, is failed: the board stopped the motors" in one for one in report.failures)
 
 
+@pytest.mark.slow
 def test_stalled_computer_is_not_a_failure(monkeypatch: pytest.MonkeyPatch) -> None:
     """The robot refuses requests that waited while it hung and asks to repeat them; the soak test does."""
     drive = SoakDriver.drive

@@ -181,6 +181,7 @@ def test_only_the_campaign_itself_reaches_its_scheduler() -> None:
                 Client(other, timeout=3, security=security)  # type: ignore[no-untyped-call]
 
 
+@pytest.mark.slow
 def test_whole_campaign_runs_over_tls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two parameter sets on two worker processes; rows and progress come back encrypted."""
     start, addresses = runner._local_cluster, list[str]()

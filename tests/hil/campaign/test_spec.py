@@ -65,6 +65,7 @@ def test_more_seeds_continue_the_same_campaign(tmp_path: Path) -> None:
     assert campaign_digest(few) == campaign_digest(more) != campaign_digest(other)
 
 
+@pytest.mark.slow
 def test_digest_depends_on_file_content_not_on_paths(tmp_path: Path) -> None:
     """Editing world, base map, scenario or masks makes a new campaign; moving the files does not."""
     text = FILE.replace('world = "lab"', 'world = "room.toml"').replace(

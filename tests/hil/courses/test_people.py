@@ -25,7 +25,7 @@ def along_the_path(from_s: float) -> str:
         pytest.param(CROSSING[4.0], id="cross 4 s", marks=pytest.mark.slow),
         pytest.param(TWO, id="two", marks=pytest.mark.slow),
         pytest.param([along_the_path(1.0)], id="along the path", marks=pytest.mark.slow),
-        pytest.param(BLOCKING, id="blocks, then goes"),
+        pytest.param(BLOCKING, id="blocks, then goes", marks=pytest.mark.slow),
         pytest.param(STAYING, id="stays", marks=pytest.mark.slow),
     ],
 )

@@ -70,6 +70,7 @@ def centres_m(name: str, body: BodyEffects) -> FloatArray:
     )
 
 
+@pytest.mark.slow
 def test_the_centre_of_rotation_wanders() -> None:
     fixed_m = centres_m("fixed", load_preset("nominal").body)
     assert abs(fixed_m).max() < 0.002

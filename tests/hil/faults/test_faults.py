@@ -229,6 +229,7 @@ def test_line_noise_is_counted_and_tolerated(driving: Open) -> None:
     assert board.receive_errors > 0
 
 
+@pytest.mark.slow
 def test_losing_one_command_in_fifty_does_not_stop_the_robot(driving: Open) -> None:
     """2 of 1000 bytes are corrupted for a minute at the rate of the robot's control cycle."""
     board, bench = driving("world=hall&seed=3")

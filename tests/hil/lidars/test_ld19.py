@@ -88,6 +88,7 @@ def test_time_stamps_are_right_while_turning() -> None:
         assert np.median(np.abs(error_m)) < np.median(np.abs(turned_m))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [0.005, -0.005])
 def test_time_stamps_follow_a_drifting_clock(drift: float) -> None:
     port, driver = connect(turning, drift=drift)

@@ -52,6 +52,7 @@ def errors_m(found: list[Fix]) -> np.ndarray:
     return np.asarray(np.array(places) - HERE_M)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "circle_m"), some_of([("autonomous", 1.5), ("sbas", 1.0), ("rtk", 0.01)]))
 def test_half_of_the_positions_are_in_the_circle_of_the_data_sheet(kind: str, circle_m: float) -> None:
     found = [fixes(receiver(kind, seed=seed), 30.0)[-1] for seed in range(200)]

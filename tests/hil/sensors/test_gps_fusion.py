@@ -13,6 +13,7 @@ def test_with_rtk_the_error_is_below_5_cm_and_as_large_as_the_filter_says(seed: 
     assert found.rejected < 0.02 * found.fixes
 
 
+@pytest.mark.slow
 def test_without_corrections_it_is_better_than_the_positions() -> None:
     found = [drive("sbas", 1, seed) for seed in (1, 2, 3, 4)]
     assert rms_m([each.rms_m() for each in found]) < rms_m([each.raw_rms_m() for each in found])

@@ -95,6 +95,7 @@ def package(tmp_path: Path, shipped: Path) -> Package:
     return package
 
 
+@pytest.mark.slow
 def test_a_new_user_of_a_moved_package_compiles_nothing(package: Package) -> None:
     for source in package.folder.glob("*.py"):
         os.utime(source)  # an installer writes new times

@@ -62,6 +62,7 @@ def run(program: Path, *arguments: str) -> str:
     return done.stdout.strip()
 
 
+@pytest.mark.slow
 def test_a_renamed_argument_class_does_not_break_an_upgrade(program: Path) -> None:
     assert run(program) == "42 0"
     assert run(program) == "42 1"

@@ -88,6 +88,7 @@ def test_smallest_tolerance_needs_no_second_approach(goal: tuple[float, float, f
     assert run.length_m < math.hypot(x_m, y_m) + 0.15  # a second approach would add 0.4 m or more
 
 
+@pytest.mark.slow
 def test_wide_tolerance_of_the_thesis() -> None:
     start, (x_m, y_m) = ROUND_BOX
     run = drive(BOX_ROOM, start, Goal(x_m=x_m, y_m=y_m, tolerance_m=0.4), AREA)

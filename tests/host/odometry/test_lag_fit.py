@@ -64,6 +64,7 @@ def test_a_time_constant_between_two_of_the_bank_leaves_gain_and_friction_withou
         assert found.friction.value == pytest.approx(FRICTION_PWM, rel=0.015)
 
 
+@pytest.mark.slow
 def test_noise_that_outlasts_a_tick_does_not_lengthen_the_time_constant() -> None:
     """The noise is 2.5 times that of the simulated robot.
 

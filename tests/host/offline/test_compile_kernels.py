@@ -110,6 +110,7 @@ def test_compiling_continues_in_a_new_process(installation: Installation) -> Non
     assert installation.starts == 3
 
 
+@pytest.mark.slow
 def test_failed_compilation_is_repeated_next_time(installation: Installation) -> None:
     installation.let_compiler("exit 1")
     installation.compile()

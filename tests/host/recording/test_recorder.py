@@ -17,6 +17,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from tests.variants import some_of
 from thumper.cli.output.recording_summary import recording_failure, recording_summary
 from thumper.config.bus import BusOptions
 from thumper.config.dashboard import DashboardOptions
@@ -219,7 +220,7 @@ print("file:", recorder.files[-1])
 """
 
 
-@pytest.mark.parametrize("there_is_room", [True, False])
+@pytest.mark.parametrize("there_is_room", some_of([True, False]))
 def test_full_disk_pauses_the_recording_and_keeps_what_is_written(
     tmp_path: Path, *, there_is_room: bool
 ) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from benchmarks.shared.rooms import room_scan
 
+from tests.variants import some_of
 from thumper.common.geometry import FloatArray, Pose2, Twist2, wrap_angle
 from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -90,12 +91,15 @@ def test_map_has_walls_and_free_space_in_the_right_places() -> None:
 
 @pytest.mark.parametrize(
     ("mount", "clockwise"),
-    [
-        (Pose2(), True),
-        (Pose2(x_m=0.12), False),
-        (Pose2(x_m=-0.1, y_m=0.08, theta_rad=math.pi), False),
-        (Pose2(x_m=0.1, y_m=-0.05, theta_rad=0.7), True),
-    ],
+    some_of(
+        [
+            (Pose2(x_m=0.1, y_m=-0.05, theta_rad=0.7), True),
+            (Pose2(x_m=-0.1, y_m=0.08, theta_rad=math.pi), False),
+            (Pose2(x_m=0.12), False),
+            (Pose2(), True),
+        ],
+        fast=2,
+    ),
 )
 def test_any_lidar_mount_and_direction_gives_the_same_map(mount: Pose2, clockwise: bool) -> None:
     plain = GridMapper(map_from_base=tour()[0])

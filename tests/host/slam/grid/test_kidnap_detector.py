@@ -78,6 +78,7 @@ def test_carried_robot_enters_nothing_and_is_found_in_its_own_map(elsewhere: Pos
     assert robot.quality().lost == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elsewhere", some_of(PLACES))
 def test_robot_carried_to_where_the_view_is_nearly_the_same_does_not_spoil_the_map(elsewhere: Pose2) -> None:
     """A room with a post in its middle looks the same after half a turn: that place is as good."""

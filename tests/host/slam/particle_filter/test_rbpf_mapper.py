@@ -114,6 +114,7 @@ def test_returned_map_never_changes(mapper: RbpfMapper | GridMapper) -> None:
     assert not np.array_equal(mapper.grid().cells, before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", some_of(range(10), 3))
 def test_every_seed_follows_the_tour(seed: int) -> None:
     mapper = RbpfMapper(filter_options=RbpfOptions(particles=8, seed=seed), map_from_base=tour()[0])

@@ -36,6 +36,7 @@ def mapped(mapper: Mapper, seed: int) -> list[Pose2]:
     return poses
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", some_of([1, 2]))
 def test_corridor_loop_of_ninety_metres_closes(seed: int) -> None:
     start = round_trip(LENGTH_M, BREADTH_M, 0.0)[0]
