@@ -87,6 +87,7 @@ reference: $(VENV)/.dev
 docs: firmware $(VENV)/.dev
 	@$(if $(GITHUB_REPOSITORY),sed 's|^site_name|repo_url = "https://github.com/$(GITHUB_REPOSITORY)"\n&|' zensical.toml > .site.toml)
 	@$(BIN)/zensical build --clean --strict --config-file $(if $(GITHUB_REPOSITORY),.site.toml,zensical.toml)
+	@$(BIN)/python scripts/render_formulas.py site
 	@$(BIN)/python scripts/search_weights.py site
 	@scripts/build-browser site $(BIN)/python
 	@echo 'The site is in site/: open site/index.html'

@@ -7,12 +7,15 @@ Run after a change of a notebook (three minutes): .venv/bin/python scripts/rende
 import argparse
 import base64
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
 import nbformat
-from latex2mathml.converter import convert
 from nbclient import NotebookClient
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from scripts.render_formulas import mathml
 
 ROOT = Path(__file__).resolve().parents[1]
 NOTEBOOKS = ROOT / "docs" / "tutorials"
@@ -30,7 +33,9 @@ def render(notebook: Any, name: str) -> tuple[str, list[bytes]]:
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             text = re.sub(r"\]\((\w+)\.ipynb\)", r"](\1.md)", cell.source)
-            parts.append(FORMULA.sub(_mathml, text) + "\n")
+            parts.append(
+                FORMULA.sub(lambda found: mathml(found[1] or found[2], block=bool(found[1])), text) + "\n"
+            )
             continue
         code = "\n".join(line for line in cell.source.splitlines() if not line.startswith("%"))
         block = f"```python\n{code.strip()}\n```\n"
@@ -48,10 +53,8 @@ def render(notebook: Any, name: str) -> tuple[str, list[bytes]]:
 
 
 def _mathml(match: re.Match[str]) -> str:
-    """Return a formula as MathML, which browsers draw without a script."""
     block, inline = match.groups()
-    mathml = convert(block or inline, display="block" if block else "inline")
-    return f"\n<div>{mathml}</div>\n" if block else f"<span>{mathml}</span>"
+    return mathml(block or inline, block=bool(block))
 
 
 def without_outputs(page: str) -> str:

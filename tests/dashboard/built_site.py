@@ -17,7 +17,8 @@ def build_pages(folder: Path) -> Path:
         shutil.copytree(ROOT / part, folder / part)
     zensical = Path(sys.executable).with_name("zensical")
     subprocess.run([zensical, "build", "--strict"], cwd=folder, check=True, capture_output=True)
-    subprocess.run([sys.executable, ROOT / "scripts/search_weights.py", folder / "site"], check=True)
+    for script in ("render_formulas.py", "search_weights.py"):
+        subprocess.run([sys.executable, ROOT / "scripts" / script, folder / "site"], check=True)
     return folder / "site"
 
 

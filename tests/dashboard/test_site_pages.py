@@ -238,12 +238,31 @@ def test_text_and_pictures_can_be_read(browser: Browser, site: Path, name: str, 
 
 
 @pytest.mark.parametrize(
-    "name", some_of(["notebooks/tuning.html", "howto/operate.html", "notebooks/exercises.html"], 2)
+    "name",
+    some_of(
+        [
+            "notebooks/tuning.html",
+            "howto/operate.html",
+            "explanation/control-law.html",
+            "notebooks/exercises.html",
+        ],
+        fast=2,
+    ),
 )
 def test_wide_formulas_and_commands_scroll_on_a_phone(browser: Browser, pages: Path, name: str) -> None:
     page = browser.new_page(viewport={"width": 390, "height": 844})
     page.goto((pages / name).as_uri())
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.close()
+
+
+def test_formulas_of_the_control_law_are_drawn(browser: Browser, pages: Path) -> None:
+    page = browser.new_page()
+    page.goto((pages / "explanation/control-law.html").as_uri())
+    rows = page.locator("math mtr").all_text_contents()
+    assert len(rows) == 9
+    assert not [row for row in rows if "\\" in row or "&" in row]
+    assert "begin{" not in page.locator("article").inner_text()
     page.close()
 
 
