@@ -2,6 +2,7 @@
 
 import ctypes
 import itertools
+import re
 import subprocess
 from pathlib import Path
 
@@ -27,6 +28,7 @@ NEXT = {
 }
 AT_REST_TOO = {Fault.LOW_BATTERY, Fault.E_STOP, Fault.WATCHDOG, Fault.BAD_PARAMETERS}
 AT_REST_TOO |= {Fault.ADC_STOPPED, Fault.HIGH_BATTERY, Fault.INPUT_1, Fault.INPUT_2}
+DRAWING = FIRMWARE.parent / "docs/images/board_states.svg"
 NOT_READY = [AckStatus.BATTERY_LOW, AckStatus.BATTERY_UNKNOWN, AckStatus.BATTERY_HIGH, AckStatus.INPUT_ACTIVE]
 
 
@@ -57,6 +59,16 @@ def machine_in(core: ctypes.CDLL, state: State) -> int:
         feed(core, machine, event)
     assert core.supervisor_state(machine) == state
     return machine
+
+
+def test_drawing_shows_every_change_of_state_by_a_request() -> None:
+    arrows = re.findall(r'data-from="(.+?)" data-request="(.+?)" data-to="(.+?)"', DRAWING.read_text("utf-8"))
+    drawn = {(state, request, to) for states, request, to in arrows for state in states.split()}
+    names = ["DISARM", "ARM", "E_STOP", "CLEAR_FAULT", "set_motor_pwm"]
+    changes = {
+        (state.name, names[event], to.name) for state, row in NEXT.items() for event, to in row.items()
+    }
+    assert drawn == changes
 
 
 @pytest.mark.parametrize(("state", "request_"), list(itertools.product(State, REQUESTS)))
