@@ -10,6 +10,8 @@ SELECTED = not slow
 VENV := .venv
 # The versions of Python's packages: those of constraints.txt; `make CONSTRAINTS= ...` takes the newest.
 CONSTRAINTS := constraints.txt
+# Where the sources are public: the link at the top of the site. Empty in a clone of a folder.
+REPOSITORY := $(if $(GITHUB_REPOSITORY),https://github.com/$(GITHUB_REPOSITORY),$(shell git config remote.origin.url | sed -n 's|\.git$$||; /^https:/p'))
 INSTALL = scripts/install-python $(BIN)/python $(CONSTRAINTS:%=--constraint %) --editable
 BIN := $(VENV)/bin
 PACKAGES := gcc-avr avr-libc binutils-avr libsimavr-dev g++ python3-venv
@@ -85,8 +87,8 @@ reference: $(VENV)/.dev
 	$(BIN)/python scripts/draw_badges.py
 
 docs: firmware $(VENV)/.dev
-	@$(if $(GITHUB_REPOSITORY),sed 's|^site_name|repo_url = "https://github.com/$(GITHUB_REPOSITORY)"\n&|' zensical.toml > .site.toml)
-	@$(BIN)/zensical build --clean --strict --config-file $(if $(GITHUB_REPOSITORY),.site.toml,zensical.toml)
+	@sed '$(if $(REPOSITORY),s|^site_name|repo_url = "$(REPOSITORY)"\n&|)' zensical.toml > .site.toml
+	@$(BIN)/zensical build --clean --strict --config-file .site.toml
 	@$(BIN)/python scripts/render_formulas.py site
 	@$(BIN)/python scripts/search_weights.py site
 	@scripts/build-browser site $(BIN)/python

@@ -6,6 +6,7 @@ import subprocess
 import tomllib
 from pathlib import Path
 
+import pytest
 from scripts.index_readme import absolute
 
 from thumper.common.version import __version__
@@ -45,18 +46,16 @@ def test_release_notes_are_the_section_of_the_version(tmp_path: Path) -> None:
     assert notes(f"## {__version__} (unreleased)\n\n- b\n") == (1, "")
 
 
-def test_site_links_the_repository_if_its_name_is_known(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("setting", "address"),
+    [("REPOSITORY=", None), ("GITHUB_REPOSITORY=owner/name", "https://github.com/owner/name")],
+)
+def test_site_links_the_repository_if_it_is_known(tmp_path: Path, setting: str, address: str | None) -> None:
     shutil.copy(ROOT / "zensical.toml", tmp_path)
-    make = ["make", "--no-print-directory", "--dry-run", "docs"]
-
-    def commands(repository: str) -> list[str]:
-        printed = subprocess.check_output([*make, f"GITHUB_REPOSITORY={repository}"], cwd=ROOT, text=True)
-        return [line for line in printed.splitlines() if "zensical.toml" in line or ".site.toml" in line]
-
-    (build,) = commands("")
-    assert build.endswith("--config-file zensical.toml")
-    change, build = commands("owner/name")
+    make = ["make", "--no-print-directory", "--dry-run", setting, "docs"]
+    printed = subprocess.check_output(make, cwd=ROOT, text=True)
+    change, build = [line for line in printed.splitlines() if ".site.toml" in line]
     assert build.endswith("--config-file .site.toml")
     subprocess.run(change, shell=True, cwd=tmp_path, check=True)
     project = tomllib.loads((tmp_path / ".site.toml").read_text())["project"]
-    assert project["repo_url"] == "https://github.com/owner/name"
+    assert project.get("repo_url") == address
