@@ -195,16 +195,9 @@ def read_rows() -> dict[str, list[str]]:
     return {name: re.findall(r"(?m)^\| (?!what ).*$", sections.get(name, "")) for name in BENCHMARKS}
 
 
-def page_title(title: str) -> str:
-    """Return the heading of an area's page."""
-    return f"Raw benchmark rows: {title[0].lower()}{title[1:]}"
-
-
 def area_page(title: str, names: tuple[str, ...], rows: dict[str, list[str]]) -> str:
     """Return the page of an area: one section per benchmark, with its commands and its rows."""
-    text = (
-        f"{MARK}\n# {page_title(title)}\n\n{machine()} [Overview](../benchmarks.md) explains the columns.\n"
-    )
+    text = f"{MARK}\n# {title}: raw rows\n\n{machine()} [Overview](../benchmarks.md) explains the columns.\n"
     for name in names:
         commands = [f"python benchmarks/{name}.py {options}".strip() for options in BENCHMARKS[name]]
         text += f"\n## {name}\n\n```sh\n" + "\n".join(commands) + f"\n```\n\n{HEAD}"
