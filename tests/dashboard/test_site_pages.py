@@ -1,5 +1,6 @@
 """The built documentation: lists and numbers as written, drawings without collisions, copy, search."""
 
+import html
 import io
 import re
 from html.parser import HTMLParser
@@ -82,8 +83,8 @@ class Lists(HTMLParser):
 
 def built(page: Path, pages: Path) -> Path:
     """Return the file that a source page becomes."""
-    html = pages / page.relative_to(DOCS).with_suffix(".html")
-    return html.with_name("index.html") if page.name == "README.md" else html
+    file = pages / page.relative_to(DOCS).with_suffix(".html")
+    return file.with_name("index.html") if page.name == "README.md" else file
 
 
 def test_lists_show_every_item_with_the_number_that_is_written(pages: Path) -> None:
@@ -212,6 +213,22 @@ def test_page_not_found_leads_to_the_start_and_to_troubleshooting(pages: Path) -
     targets = re.findall(r'href="/([^"]+)"', links)
     assert targets == ["index.html", "howto/troubleshooting.html"]
     assert all((pages / target).exists() for target in targets)
+
+
+def test_each_page_is_described_by_its_own_heading_and_first_paragraph(pages: Path) -> None:
+    """For the browser's tab, search engines, and previews where a link is sent."""
+    seen: dict[str, str] = {}
+    for page in sorted(DOCS.rglob("*.md")):
+        text = html.unescape(built(page, pages).read_text(encoding="utf-8"))
+        head, _, body = text.partition("</head>")
+        heading = re.sub(r"<[^>]*>", "", re.findall(r"<h1[^>]*>(.*?)(?:<a class|</h1>)", body, re.DOTALL)[0])
+        assert heading.strip() in re.findall(r'og:title" content="([^>]*)">', head), page
+        assert f"<title>{heading.strip()}" in head, page
+        (words,) = re.findall(r'name="description" content="([^>]*)">', head)
+        assert len(words) > 20, page
+        assert re.findall(r'og:description" content="([^>]*)">', head) == [words], page
+        if page.parent.name != "benchmarks":  # made by one program from one sentence
+            assert seen.setdefault(words, page.name) == page.name
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
