@@ -15,6 +15,8 @@ from tests.variants import some_of
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 DRAWINGS = sorted(path.name for path in (DOCS / "images").glob("*.svg") if "<text" in path.read_text())
+SOURCES = [page.relative_to(DOCS).with_suffix("") for page in DOCS.rglob("*.md") if page.name != "README.md"]
+PAGES = sorted((page.as_posix() for page in SOURCES), reverse=True)
 COMMAND = re.compile(r"(thumper [a-z]|make |pytest |sudo |git |pip |cd |source |\.venv/)")
 CLEAR_PX = 6
 POOR = (Path(__file__).parent / "contrast.js").read_text(encoding="utf-8")
@@ -204,6 +206,9 @@ def test_first_page_fits_the_window_and_its_buttons_lead_on(
         expect(button).to_be_in_viewport(ratio=1)
         target = (button.get_attribute("href") or "").removeprefix("index.html")
         assert page.locator(target).count() == 1 if target.startswith("#") else (pages / target).exists()
+    robot = page.locator("#robot").bounding_box()
+    assert robot is not None
+    assert width < 1024 or robot["y"] < 700
     page.close()
 
 
@@ -254,22 +259,35 @@ def test_text_and_pictures_can_be_read(browser: Browser, site: Path, name: str, 
     page.close()
 
 
-@pytest.mark.parametrize(
-    "name",
-    some_of(
-        [
-            "notebooks/tuning.html",
-            "howto/operate.html",
-            "explanation/control-law.html",
-            "notebooks/exercises.html",
-        ],
-        fast=2,
-    ),
-)
-def test_wide_formulas_and_commands_scroll_on_a_phone(browser: Browser, pages: Path, name: str) -> None:
-    page = browser.new_page(viewport={"width": 390, "height": 844})
-    page.goto((pages / name).as_uri())
+@pytest.mark.parametrize("name", some_of(PAGES, fast=4))
+def test_no_page_scrolls_sideways_on_a_phone(browser: Browser, pages: Path, name: str) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844}, is_mobile=True)
+    page.goto((pages / f"{name}.html").as_uri())
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    page.close()
+
+
+@pytest.mark.parametrize("name", ["tutorials/build", "explanation/architecture"])
+def test_labels_of_wide_drawings_can_be_read_on_a_phone(browser: Browser, pages: Path, name: str) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844}, is_mobile=True)
+    page.goto((pages / f"{name}.html").as_uri())
+    for drawing in page.locator("article p > img[src$='.svg']").all():
+        assert drawing.evaluate("(one) => one.offsetWidth") >= 800
+        assert drawing.evaluate("(one) => one.parentElement.offsetWidth") <= 390
+    page.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "width"),
+    [("reference/cli", 390), ("explanation/architecture", 1440)],
+)
+def test_names_in_tables_do_not_break(browser: Browser, pages: Path, name: str, width: int) -> None:
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto((pages / f"{name}.html").as_uri())
+    names = page.locator("article table").first.locator("td > code").all()
+    assert len(names) >= 3
+    for one in names:
+        assert one.evaluate("(one) => one.getClientRects().length") == 1, one.inner_text()
     page.close()
 
 
