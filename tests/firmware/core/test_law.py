@@ -114,6 +114,23 @@ def test_every_tick_of_any_drive_is_within_one_pwm(
             assert abs(state[2] - reference.predicted) <= 1.5
 
 
+def test_two_ticks_in_numbers_are_those_of_the_page(core: ctypes.CDLL) -> None:
+    """docs/explanation/control-law.md: from rest to 4 rad/s, with 11 counts in the first interval."""
+    parameters = [round(spec.default * spec.scale) for spec in PARAMETERS]
+    values = (ctypes.c_int32 * len(parameters))(*parameters)
+    wheel, state, out = core.wheel_new(), (ctypes.c_int32 * 4)(), (ctypes.c_int * 4)()
+    seen = []
+    for counts in (0, 11):
+        core.wheel_step(wheel, values, 4000, counts, 7400, out)
+        core.wheel_state(wheel, state)
+        seen.append((out[0], state[3], out[2], state[0] / 2**19, state[2]))
+    (y_1, r_1, u_1, integral_1, p_2), (y_2, r_2, u_2, integral_2, _) = seen
+    assert (y_1, r_1, u_1, integral_1) == (0, 800, 43, 0.0)
+    assert (y_2, r_2, u_2) == (576, 1600, 58)
+    assert p_2 == 629, "exactly 626.8; the core approximates exp"
+    assert integral_2 == pytest.approx(10.9 * 0.053, abs=0.01)
+
+
 @pytest.mark.slow
 def test_ramp_and_model_do_not_drift_in_a_long_drive(core: ctypes.CDLL) -> None:
     """Seven hours with starts, reversals and stops. The reference takes the integral, which test_pi proves
