@@ -1,4 +1,4 @@
-"""Program, firmware and CHANGELOG have one version."""
+"""Program, firmware, CHANGELOG and site have one version."""
 
 import re
 from pathlib import Path
@@ -18,3 +18,5 @@ def test_firmware_program_and_changelog_agree() -> None:
     assert versions[0] == __version__
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert re.findall(r"^version: (.+)$", citation, re.MULTILINE) == [__version__]
+    site = (ROOT / "zensical.toml").read_text(encoding="utf-8")
+    assert re.findall(r'^copyright = "Thumper ([^,]+),', site, re.MULTILINE) == [__version__]
