@@ -4,6 +4,7 @@ import os
 import pty
 import signal
 import subprocess
+import termios
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -103,6 +104,34 @@ def test_a_held_key_drives_and_a_killed_program_stops(robot: Path, client: BusCl
             pass
         os.write(ours, b"q")
         assert b"the robot is still armed; `thumper stop` switches the motors off" in process.stdout.read()
+    os.close(ours)
+    os.close(theirs)
+
+
+def test_early_keys_do_nothing_and_who_armed_disarms(robot: Path, client: BusClient) -> None:
+    wheels: list[Any] = []
+    client.subscribe("wheels", wheels.append)
+    client.publish("command", text("disarm"))
+    until(lambda: wheels and wheels[-1].state == State.DISARMED)
+    ours, theirs = pty.openpty()
+    before = termios.tcgetattr(theirs)
+    command: list[str | Path] = [*END_WITH_PARENT, THUMPER, "teleop", "--config", robot, "--no-gamepad"]
+    with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs) as process:
+        shown = os.read(ours, 1024)
+        assert shown.startswith(b"\r\x1b[Kconnecting to the robot ...")
+        os.write(ours, b"iriq")
+        while b"disarmed |" not in shown:
+            shown += os.read(ours, 1024)
+        assert b"iri" not in shown
+        assert wheels[-1].state == State.DISARMED
+        os.write(ours, b"r")
+        until(lambda: wheels[-1].state == State.CLOSED_LOOP)
+        os.write(ours, b"q")
+        while b"disarmed, because this program armed it" not in shown:
+            shown += os.read(ours, 1024)
+        assert process.wait(START_TIMEOUT_S) == 0
+    assert termios.tcgetattr(theirs) == before
+    assert wheels[-1].state == State.DISARMED
     os.close(ours)
     os.close(theirs)
 

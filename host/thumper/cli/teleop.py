@@ -1,7 +1,7 @@
 """`thumper teleop`: drive a running robot manually with keyboard or gamepad."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,10 +14,13 @@ from thumper.cli.output.status_line import one_row
 if TYPE_CHECKING:
     from thumper.bus.status_watchdog import StatusWatchdog
     from thumper.common.geometry import Twist2
+    from thumper.ros.codec import Message
     from thumper.teleop.gamepad import Gamepad
     from thumper.teleop.teleop_loop import TeleopLoop
 
+CONNECTING = "connecting to the robot ..."
 LINE_PERIOD_S = 0.2
+DISARM_TIMEOUT_S = 2.0
 HELP = """r: arm, then hold a key to drive:   u i o   (or W A S D, or the arrow keys)
                                     j k l   k stops; Shift: turbo
                                     m , .
@@ -41,32 +44,36 @@ def teleop(
 
     Drive with W A S D, the arrow keys, or the keys around k. The robot drives only while you hold a key or
     the gamepad's button; the first press of a key counts for 0.6 s. If this program, the gamepad or the
-    network fails, the last command ends within 0.6 s, and the robot stops.
+    network fails, the last command ends within 0.6 s, and the robot stops. At its end, this program disarms
+    the robot if it has armed it.
 
     Examples:
 
     - `thumper teleop`
     - `thumper teleop --bus 192.168.1.20:7448 --no-gamepad`
     """
-    from thumper.board.fault_texts import ARMED_STATES
-    from thumper.bus.status_watchdog import StatusWatchdog
-    from thumper.common.errors import EXIT_USAGE, ThumperError
-    from thumper.config.robot import load_config
-    from thumper.teleop.keyboard import raw_terminal
-    from thumper.teleop.teleop_loop import TeleopLoop
+    from thumper.teleop.terminal import raw_terminal
 
-    settings = load_config(config)
     latest: dict[str, str] = {}
     with ExitStack() as stack:
+        terminal = stack.enter_context(raw_terminal())  # before the slow imports: no key appears as text
+        print(f"{one_row('')}{CONNECTING}" if terminal else CONNECTING, flush=True)
+        from thumper.bus.status_watchdog import StatusWatchdog
+        from thumper.common.errors import EXIT_USAGE, ThumperError
+        from thumper.config.robot import load_config
+        from thumper.teleop.teleop_loop import TeleopLoop
+
+        settings = load_config(config)
         client = stack.enter_context(connect(config, bus, robot))
         client.subscribe("status", lambda message: latest.update(_newest(message)))
         client.subscribe("events", lambda message: latest.update(event=message.msg))
         pad = _gamepad(stack) if gamepad else None
-        terminal = stack.enter_context(raw_terminal())
         if terminal is None and pad is None:
             raise ThumperError(
                 "neither a terminal nor a gamepad to drive with; start it in a terminal", exit_code=EXIT_USAGE
             )
+        if terminal:
+            terminal.drop()  # who pressed a key before the help appeared did not know what it does
         print(HELP if terminal else NO_TERMINAL, flush=True)
         loop = TeleopLoop(
             settings, client.publish, terminal.read if terminal else bytes, pad, assisted=assist
@@ -80,8 +87,7 @@ def teleop(
             pass
         finally:
             print()
-        if latest.get("board") in ARMED_STATES:
-            print("the robot is still armed; `thumper stop` switches the motors off")
+        _leave(loop, client.publish, latest)
 
 
 def _drive(
@@ -103,12 +109,29 @@ def _drive(
             heartbeat.check()
             event = latest.get("event", "")
             if event != last_event:
-                print(f"\r\033[K{event}" if status_line else event, flush=True)
+                print(f"{one_row('')}{event}" if status_line else event, flush=True)
                 last_event = event
             if status_line:
                 print(one_row(_status(loop.twist, latest, pad)), end="", flush=True)
         due_s = max(due_s + period_s, now_s)  # do not catch up on missed cycles
         time.sleep(max(0.0, due_s - now_s))
+
+
+def _leave(loop: "TeleopLoop", publish: "Callable[[str, Message], None]", latest: Mapping[str, str]) -> None:
+    """Disarm what this program has armed, unless another one drives by now; say if it stays armed."""
+    from thumper.board.fault_texts import ARMED_STATES
+    from thumper.ros.to_ros import text
+
+    if loop.has_armed and latest.get("mode") != "driving":
+        publish("command", text("disarm"))
+        end_s = time.monotonic() + DISARM_TIMEOUT_S
+        while latest.get("board") in ARMED_STATES and time.monotonic() < end_s:
+            time.sleep(LINE_PERIOD_S / 4)
+        if latest.get("board") not in ARMED_STATES:
+            print("disarmed, because this program armed it")
+            return
+    if latest.get("board") in ARMED_STATES:
+        print("the robot is still armed; `thumper stop` switches the motors off")
 
 
 def _gamepad(stack: ExitStack) -> "Gamepad | None":
@@ -142,4 +165,4 @@ def _newest(message: Any) -> dict[str, str]:
         detail = detail.partition("; ")[2]
     if detail == state:  # armed
         detail = ""
-    return {"state": state, "detail": detail, "board": message.board_state}
+    return {"state": state, "detail": detail, "board": message.board_state, "mode": message.mode}

@@ -4,48 +4,12 @@ A terminal reports that a key is pressed and that it repeats, but not that it is
 valid for a short time only.
 """
 
-import os
-import select
-import sys
-import termios
-import tty
-from collections.abc import Iterator
-from contextlib import contextmanager
 from enum import Enum
 
 from thumper.teleop.joystick_curve import JoystickState
 
-MAX_READ_BYTES = 1024
 FIRST_PRESS_S = 0.6  # a first press is valid for longer than the terminal waits before it repeats the key
 REPEAT_S = 0.2  # a repeat is valid for longer than the time between two repeats
-
-
-class Terminal:
-    """Non-blocking reads from a terminal."""
-
-    def __init__(self, handle: int) -> None:
-        self._handle = handle
-
-    def read(self) -> bytes:
-        """Return what was typed since the last call."""
-        ready, _, _ = select.select([self._handle], [], [], 0.0)
-        return os.read(self._handle, MAX_READ_BYTES) if ready else b""
-
-
-@contextmanager
-def raw_terminal() -> Iterator[Terminal | None]:
-    """Switch the terminal to single keys and back; yield None if standard input is not a terminal."""
-    if not sys.stdin.isatty():
-        yield None
-        return
-    handle = sys.stdin.fileno()
-    saved = termios.tcgetattr(handle)
-    try:
-        tty.setcbreak(handle)
-        yield Terminal(handle)
-    finally:
-        termios.tcsetattr(handle, termios.TCSADRAIN, saved)
-
 
 ARROWS = {b"A": "i", b"B": ",", b"C": "l", b"D": "j"}
 SHIFTED_ARROWS = {b"A": "I", b"B": "<", b"C": "L", b"D": "J"}

@@ -52,6 +52,7 @@ class TeleopLoop:
         self._gamepad_scaler = SpeedScaler(options, config.drive, limit)
         self._messages = Messages()
         self.twist = Twist2()  # last one sent
+        self.has_armed = False  # and nothing here has switched the motors off since
 
     def step(self, now_s: float, period_s: float) -> bool:
         """Read keyboard and gamepad and send their commands; return False if the operator quits."""
@@ -61,11 +62,13 @@ class TeleopLoop:
             actions += state.pressed
         if Action.ESTOP in actions:
             self._publish("estop", flag(True))
+            self.has_armed = False
             self.release()
             return Action.QUIT not in actions
         for action in actions:
             if action in COMMANDS:
                 self._publish("command", text(COMMANDS[action]))
+                self.has_armed = action is Action.ARM or (self.has_armed and action is not Action.DISARM)
         sent = self._send("teleop", self._keyboard_scaler, self._keys.stick(now_s), period_s)
         if self._pad is not None:  # last, because the gamepad outranks the keyboard
             sent = (

@@ -24,7 +24,7 @@ FAULT = {"fault_words": "left wheels stalled"}
     ],
 )
 def test_the_line_is_in_plain_words(fault: int, board_state: str, reason: str, line: str) -> None:
-    message = SimpleNamespace(**FAULT, fault=fault, board_state=board_state, reason=reason)
+    message = SimpleNamespace(**FAULT, fault=fault, board_state=board_state, reason=reason, mode="")
     assert _status(Twist2(v_m_s=0.2), _newest(message), None) == line
 
 

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thumper.teleop.joystick_curve import JoystickState
-from thumper.teleop.keyboard import FIRST_PRESS_S, Action, KeyboardJoystick, Terminal
+from thumper.teleop.keyboard import FIRST_PRESS_S, Action, KeyboardJoystick
+from thumper.teleop.terminal import Terminal
 
 
 def test_a_press_is_valid_until_it_repeats_and_a_repeat_more_shortly() -> None:
