@@ -2,6 +2,7 @@
 
 import math
 import re
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
+from tests.dashboard.test_page_contrast import POOR
 from thumper.board.messages import PARAMETERS
 from thumper.dashboard.board_parameters import DOCS
-from thumper.dashboard.gains_help import EFFECTS, NO_MODEL, gains_help
+from thumper.dashboard.gains_help import EFFECTS, NO_MODEL, gains_help, gains_warning
 from thumper.dashboard.gains_panel import CHOICES, GROUPS
 from thumper.dashboard.loop_response import PERIOD_S, loop_response
 from thumper_tuning.design.loops import SpeedLoop
@@ -59,6 +61,33 @@ def test_the_text_tells_margins_and_what_more_gain_does() -> None:
     assert more_kp != now
     assert "20 % more ki" in text
     assert "Unstable" in gains_help({**VALUES, "kp": 60.0, "ki": 30.0}, VALUES)[1]
+
+
+def test_gains_close_to_instability_are_a_warning() -> None:
+    assert gains_warning(VALUES) == gains_warning({**VALUES, "kv": 0.0}) == ""
+    risky = {**VALUES, "kp": 36.0}
+    assert re.match(r"Close to unstable: Ms is \d\.\d\d, above 2\.", gains_warning(risky))
+    assert gains_help(risky, VALUES)[1].startswith(gains_warning(risky))
+    assert "rise time under 0.1 s" in gains_help(risky, VALUES)[1]  # within one tick
+    assert gains_warning({**VALUES, "kp": 60.0, "ki": 30.0}).startswith("Unstable")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_panel_warns_of_gains_close_to_instability(page: Page, scheme: Literal["light", "dark"]) -> None:
+    page.emulate_media(color_scheme=scheme)
+    page.click(".tp-tab-gains")
+    text, message = page.locator(".tp-gainshelp p"), page.locator(".tp-message:visible")
+    expect(text).to_contain_text("Phase margin")
+    expect(text).not_to_have_class("warn")
+    page.locator("[data-gain=kp]").fill("36")
+    expect(text).to_have_class("warn")
+    page.locator(".q-tab-panel button", has_text="Apply").click()
+    expect(message).to_contain_text("The board now uses kp 36. Close to unstable: Ms is")
+    expect(message).to_have_class(re.compile("warn"))
+    expect(message).not_to_have_class(re.compile("good"))
+    assert page.evaluate(POOR) == []
+    page.locator("[data-gain=kp]").fill("6.1")
+    expect(text).not_to_have_class("warn")
 
 
 @pytest.mark.parametrize("changed", [{"kv": 0.0}, {"ka": 0.0}, {"kp": None}, {"kp": math.nan}])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from thumper.common.geometry import FloatArray
-from thumper.dashboard.loop_response import STEP_S, LoopResponse, loop_response
+from thumper.dashboard.loop_response import PERIOD_S, STEP_S, LoopResponse, loop_response
 
 GAINS = ("kp", "ki", "kv", "ka")
 EFFECTS = {
@@ -17,6 +17,7 @@ EFFECTS = {
     "kv": "PWM per speed. Right if the integral part in Wheels stays near 0 at a constant speed.",
     "ka": "PWM per acceleration. Right if the speed neither lags the ramp nor leads it.",
 }
+HIGHEST_MS = 2.0  # a loop with a higher one is close to instability
 MORE = 1.2  # the factor whose effect the text shows
 DRAWN = 4  # each fourth point
 WIDTH, HEIGHT, LEFT, TOP, BOTTOM = 340, 104, 34, 17, 20  # of one plot
@@ -36,12 +37,23 @@ def gains_help(values: Mapping[str, Any], in_use: Mapping[str, float]) -> tuple[
     return _drawing(edited, _response(in_use)), explanation(values, edited)
 
 
+def gains_warning(values: Mapping[str, Any]) -> str:
+    """Return why these values are dangerous; empty if they are not, or without a model."""
+    response = _response(values)
+    if response is None or (response.stable and response.sensitivity_peak <= HIGHEST_MS):
+        return ""
+    if not response.stable:
+        return "Unstable: the speed would oscillate more and more. Reduce kp or ki."
+    return f"Close to unstable: Ms is {response.sensitivity_peak:.2f}, above {HIGHEST_MS:g}. Reduce kp or ki."
+
+
 def explanation(values: Mapping[str, Any], now: LoopResponse) -> str:
     """Return margins and rise time, and what more kp or ki would change."""
+    warning = gains_warning(values)
     if not now.stable:
-        return "Unstable: the speed would oscillate more and more. Reduce kp or ki."
-    text = [f"Phase margin {_degrees(now)}, gain margin {_decibels(now)}, "]
-    text += [f"Ms {now.sensitivity_peak:.2f} (the peak of the sensitivity; aim: 2 or less), "]
+        return warning
+    text = [f"{warning} " if warning else "", f"Phase margin {_degrees(now)}, gain margin {_decibels(now)}, "]
+    text += [f"Ms {now.sensitivity_peak:.2f} (the peak of the sensitivity; aim: {HIGHEST_MS:g} or less), "]
     text += [f"rise time {_rise(now)}, overshoot {now.overshoot_percent:.0f}\N{NO-BREAK SPACE}%."]
     for name in ("kp", "ki"):
         more = _response({**values, name: MORE * values[name]})
@@ -75,7 +87,9 @@ def _decibels(response: LoopResponse) -> str:
 
 
 def _rise(response: LoopResponse) -> str:
-    return f"{response.rise_time_s:.1f} s" if math.isfinite(response.rise_time_s) else f"over {STEP_S:g} s"
+    if not math.isfinite(response.rise_time_s):
+        return f"over {STEP_S:g} s"
+    return f"{response.rise_time_s:.1f} s" if response.rise_time_s else f"under {PERIOD_S:g} s"  # in one tick
 
 
 def _drawing(edited: LoopResponse, in_use: LoopResponse | None) -> str:

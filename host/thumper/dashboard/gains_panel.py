@@ -11,7 +11,7 @@ from nicegui import ui
 from thumper.board.fault_texts import ARMED_STATES
 from thumper.common.errors import ThumperError
 from thumper.dashboard.board_parameters import DOCS, Parameter, Parameters
-from thumper.dashboard.gains_help import EFFECTS, gains_help
+from thumper.dashboard.gains_help import EFFECTS, gains_help, gains_warning
 from thumper.dashboard.widgets import box, button
 
 DECIMALS = 3
@@ -69,7 +69,7 @@ class GainsPanel:
 
     def clear_message(self) -> None:
         """Remove the result of the last action, which may be true no longer."""
-        self._show_message("", good=True)
+        self._show_message("", "good")
 
     def _follow_board(self) -> None:
         """Disable Revert, which an armed board refuses, and remove a reason that held in another state."""
@@ -183,6 +183,8 @@ class GainsPanel:
             drawing, text = ("", " ".join(mistakes)) if mistakes else gains_help(self._edited, self._on_board)
             self._drawing.set_content(drawing)
             self._explanation.set_content(escape(text))
+            is_risky = bool(gains_warning(self._edited)) and not mistakes
+            self._explanation.classes(add="warn" if is_risky else "", remove="" if is_risky else "warn")
         for name, field in self._fields.items():
             field.classes(add="tp-changed") if name in changes else field.classes(remove="tp-changed")
         for element, is_usable in ((self._apply, changes and not mistakes), (self._undo, changes)):
@@ -193,9 +195,9 @@ class GainsPanel:
             answer = await asyncio.to_thread(self._parameters.set, self._schema, self._changes())
             self._show_values(answer)
             uses = (f"{name} {round(value, DECIMALS):g}" for name, value in answer.items())
-            return "The board now uses " + ", ".join(uses)
+            return f"The board now uses {', '.join(uses)}. {gains_warning(self._on_board)}".strip()
 
-        await self._run(change)
+        await self._run(change, lambda: "warn" if gains_warning(self._on_board) else "good")
 
     def _on_undo(self) -> None:
         self._show_values(self._on_board)
@@ -224,23 +226,25 @@ class GainsPanel:
             self._fields[name].set_value(round(value, DECIMALS))
         self._show_changes()
 
-    async def _run(self, action: Callable[[], Any]) -> None:
+    async def _run(
+        self, action: Callable[[], Any], tone_of_result: Callable[[], str] = lambda: "good"
+    ) -> None:
         """Run one action at a time and show its result, or the reason why it failed."""
         if self._busy:
             return
         self._busy = True
         try:
-            text, good = await action(), True
+            text, tone = await action(), tone_of_result()
         except ThumperError as error:
-            text, good = str(error), False
+            text, tone = str(error), "bad"
         finally:
             self._busy = False
-        self._show_message(text, good=good)
+        self._show_message(text, tone)
 
-    def _show_message(self, text: str, *, good: bool) -> None:
+    def _show_message(self, text: str, tone: str) -> None:
         with self._message:
             self._message.set_content(escape(text))
-        self._message.classes(add="good" if good else "bad", remove="bad" if good else "good")
+        self._message.classes(add=tone, remove=" ".join({"good", "warn", "bad"} - {tone}))
 
 
 def _step(parameter: Parameter) -> float:
