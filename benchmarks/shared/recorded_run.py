@@ -64,7 +64,11 @@ def cycle(k: int) -> Iterator[tuple[str, float, Any]]:
     yield "pose", now_s, MESSAGES.pose(now_s, pose)
     yield "tf", now_s, MESSAGES.transforms(now_s, Pose2(), pose)
     yield "cmd_vel", now_s, MESSAGES.twist(now_s, Twist2(v_m_s=0.3))
-    yield "status", now_s, MESSAGES.status(Status(time_s=now_s, robot="mole", mode="navigating"))
+    yield (
+        "status",
+        now_s,
+        MESSAGES.status(Status(time_s=now_s, robot="mole", mode="navigating", localization="mapping")),
+    )
     if k % 10 == 0:
         cells = np.full((40, 30), -1, dtype=np.int8)
         cells[5:10, 5:10], cells[10] = 0, 100

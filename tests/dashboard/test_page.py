@@ -77,7 +77,10 @@ def test_header_shows_the_state_of_localization(page: Page, robot: FakeRobot) ->
     expect(notice).to_have_text("pose found: the robot is localized in the map")
     robot.pose_lost, robot.localization = "the map explains only 12 % of the scan", "pose lost"
     expect(chip).to_have_css("background-color", "rgb(207, 34, 46)")
-    expect(notice).to_have_text("pose lost: the map explains only 12 % of the scan")  # alone
+    expect(page.locator("[data-field=reason]")).to_have_text(
+        "pose lost: the map explains only 12 % of the scan"
+    )
+    expect(notice).to_have_count(0, timeout=3_000)  # the line says it; the one before is true no longer
     page.reload()
     expect(page.locator(".tp-lost")).to_be_visible()
     expect(notice).to_have_count(0)  # the state has not changed
@@ -235,6 +238,20 @@ def test_a_notice_goes_when_it_is_true_no_longer(page: Page) -> None:
     page.click(".tp-estop")
     expect(page.locator(".tp-fault")).to_be_visible()
     expect(notices).to_have_count(0, timeout=3_000)  # by itself it would stay for 6 s
+
+
+def test_a_notice_does_not_repeat_the_line_below_the_map(page: Page, robot: FakeRobot) -> None:
+    explored = "explored after 9 s: reached 2 of 2 frontiers; back at the start"
+    notices = page.locator(".tp-notice")
+    robot.event(explored)
+    expect(notices).to_have_text([explored])
+    robot.reason = explored
+    expect(notices).to_have_count(0, timeout=3_000)  # by itself it would stay for 6 s
+    page.set_viewport_size({"width": 390, "height": 500})
+    page.locator(".tp-charts > div").last.scroll_into_view_if_needed()
+    robot.event(explored)
+    page.wait_for_timeout(500)
+    expect(notices).to_have_text([explored])  # the line is out of view
 
 
 def test_charts_freeze_and_export_csv(page: Page) -> None:

@@ -1,5 +1,6 @@
 """The page in a real browser: what fits on which screen, and what the map explains."""
 
+import itertools
 import re
 
 from benchmarks.shared.fake_robot import FakeRobot
@@ -21,6 +22,57 @@ def test_fault_moves_no_control_and_colours_the_state(page: Page, robot: FakeRob
         page.click("text=Clear fault", trial=True)  # nothing covers it
         robot.reset()
         expect(page.locator(".tp-fault")).to_be_hidden()
+
+
+def test_the_box_of_a_fault_folds_up_until_the_next_fault(page: Page, robot: FakeRobot) -> None:
+    for width, height in ((1440, 900), (390, 664)):
+        page.set_viewport_size({"width": width, "height": height})
+        for _ in range(2):
+            robot.fault, robot.fault_words = Fault.STALL_LEFT, "stall left"
+            robot.fault_cure = "the left wheels do not turn; are they blocked?"
+            expect(page.locator(".tp-fault-cure")).to_be_visible()
+            page.click(".tp-fault summary")
+            expect(page.locator(".tp-fault-cure")).to_be_hidden()
+            box, map_box = page.locator(".tp-fault").bounding_box(), page.locator(".tp-map").bounding_box()
+            assert box is not None
+            assert map_box is not None
+            assert box["height"] * box["width"] < 0.3 * map_box["height"] * map_box["width"]
+            page.click("text=Clear fault")
+            expect(page.locator(".tp-fault")).to_be_hidden()
+
+
+def test_no_arrow_covers_a_tab(page: Page) -> None:
+    for size in ((1440, 900), (1024, 768), (390, 844), (360, 640)):
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        page.wait_for_timeout(300)  # Quasar measures the tabs
+        expect(page.locator(".tp-tab-system")).to_be_in_viewport(ratio=1.0)
+        expect(page.locator(".tp-tabs .q-tabs__arrow:visible")).to_have_count(0)
+
+
+def test_a_phone_names_its_tools(page: Page) -> None:
+    for width in (390, 360):
+        page.set_viewport_size({"width": width, "height": 664})
+        names = page.locator(".tp-toolbar button small:visible")
+        assert names.all_inner_texts()[:3] == ["Pan", "Goal", "Route"]
+        assert names.count() == 10
+        boxes = [box for name in names.all() if (box := name.bounding_box()) is not None]
+        for left, right in itertools.pairwise(boxes):
+            assert left["x"] + left["width"] <= right["x"]
+        assert boxes[-1]["x"] + boxes[-1]["width"] <= width
+
+
+def test_a_notice_on_a_phone_covers_no_control(page: Page, robot: FakeRobot) -> None:
+    page.set_viewport_size({"width": 390, "height": 664})
+    robot.event(
+        "the map was not saved: the disk of the robot's computer is full; delete old recordings from it"
+    )
+    notice = page.locator(".tp-notice").bounding_box()
+    tools, stick = (page.locator(name).bounding_box() for name in (".tp-toolbar", ".tp-stick"))
+    assert notice is not None
+    assert tools is not None
+    assert stick is not None
+    assert tools["y"] + tools["height"] <= notice["y"]
+    assert notice["y"] + notice["height"] <= stick["y"]
 
 
 def test_header_fits_on_a_phone_with_its_longest_state(page: Page, robot: FakeRobot) -> None:

@@ -128,6 +128,21 @@ def test_a_recording_plays_and_the_page_returns_to_the_robot(
     assert not queries_of(robot, "mission/send")
 
 
+def test_the_end_of_a_playback_finds_no_pose(page: Page, robot: FakeRobot, library: Path) -> None:
+    robot.localization = "localized"
+    chip = page.locator(".tp-header .tp-localization")
+    expect(chip).to_contain_text("localized")
+    page.locator(".tp-notice").evaluate_all("all => all.forEach((notice) => notice.remove())")
+    open_playback(page, library)
+    expect(chip).to_contain_text("mapping")
+    expect(chip).to_have_css("background-color", "rgb(102, 57, 186)")  # of the recording, as the frame
+    page.click("[data-end]")
+    expect(chip).to_contain_text("localized")
+    expect(chip).not_to_have_css("background-color", "rgb(102, 57, 186)")
+    page.wait_for_timeout(300)
+    expect(page.locator(".tp-notice")).to_have_count(0)
+
+
 def test_any_command_ends_a_playback(page: Page, robot: FakeRobot, library: Path) -> None:
     open_playback(page, library)
     page.keyboard.press("Space")

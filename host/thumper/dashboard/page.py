@@ -138,13 +138,14 @@ def _state_line() -> None:
 def _faultbox() -> ui.html:
     """Add the box of a fault; return its line for simulated faults."""
     with box("tp-fault").props("role=alert"):
-        inline('<i class="material-icons">error</i>')
-        with box(""):
-            _field("fault_words").classes("tp-fault-words")
+        with ui.element("details").props("open"):  # closed, it leaves the map free
+            with ui.element("summary"):
+                inline('<i class="material-icons">error</i>')
+                _field("fault_words").classes("tp-fault-words")
             _field("fault_cure").classes("tp-fault-cure")
             injected = ui.html("", tag="span", sanitize=False).classes("tp-fault-injected")
             inline("<p>Clear the fault when it is safe. Then arm the robot, or set a goal.</p>")
-            _command_button("Clear fault", {"kind": "command", "name": "clear_fault"}, "tp-plain")
+        _command_button("Clear fault", {"kind": "command", "name": "clear_fault"}, "tp-plain")
     return injected
 
 

@@ -7,6 +7,7 @@ import { on, send, state } from "./stream.js";
 
 const NOTICE_MS = 6000;
 const MAX_NOTICES = 3;
+const LINES = ".tp-reason, .tg-outcome, .tg-result"; // where the page says what happens, for as long as it is true
 const EXPLORATION_ENDS = /^not back at the start: |^explored: |; back at the start$/;
 const OPEN_SELECT = ".q-menu, .q-dialog"; // Quasar closes these on Esc by itself
 
@@ -75,6 +76,17 @@ export function notify(text, kind) {
   setTimeout(() => notice.remove(), NOTICE_MS);
 }
 
+// Remove notices whose text stands in a line of the page, where the user can see it.
+function removeRepeated() {
+  const lines = [...document.querySelectorAll(LINES)].filter((line) => {
+    const { top, bottom, height } = line.getBoundingClientRect();
+    return height > 0 && top >= 0 && bottom <= window.innerHeight;
+  }).map((line) => line.textContent.toLowerCase());
+  for (const notice of document.querySelectorAll(".tp-notice")) {
+    if (lines.some((line) => line.includes(notice.dataset.text.toLowerCase()))) notice.remove();
+  }
+}
+
 // Remove notices that are true no longer.
 function removeNotices(start) {
   for (const notice of document.querySelectorAll(".tp-notice")) if (notice.textContent.startsWith(start)) notice.remove();
@@ -126,10 +138,14 @@ export function startCommands() {
   on("packet", () => {
     isSnapshot = false;
     const hasFault = Boolean(state.values.status?.fault);
-    if (hasFault && !hadFault) document.querySelectorAll(".tp-notice.good").forEach((notice) => notice.remove());
+    if (hasFault && !hadFault) {
+      document.querySelectorAll(".tp-notice.good").forEach((notice) => notice.remove());
+      document.querySelector(".tp-fault details")?.setAttribute("open", ""); // each fault says once what to do
+    }
     if (hadFault && !hasFault) state.stopPressed = "";
     hadFault = hasFault;
     if (["closed_loop", "manual"].includes(document.body.dataset.board)) removeNotices("fault cleared");
+    if (document.querySelector(".tp-notice")) removeRepeated();
   });
   on("events", (events) => {
     for (const { text } of isSnapshot ? [] : events) {
@@ -144,9 +160,10 @@ export function startCommands() {
     }
   });
   let localization = "";
-  on("status", ({ localization: now, pose_lost: reason }) => {
+  on("packet", () => { // of the robot: during a playback `status` is the recording's
+    const { localization: now = "", pose_lost: reason } = state.values.status ?? {};
     if (now === localization) return;
-    if (localization && !state.playback) showLocalization(now, reason);
+    if (localization) showLocalization(now, reason);
     localization = now;
   });
   on("server:refused", ({ text }) => notify(text, "bad"));
