@@ -69,6 +69,8 @@ class PoseTrust:
         needed = self._needed_support()
         if not self._fits or self.confirmed or self._support() >= needed:
             return ""
+        if self._support() < 0.0:
+            return "the scans contradict the best place on the map"
         # Rounded apart, so that they never look equal; the need may lie above its percent by rounding alone.
         support, needed = math.floor(100.0 * self._support()), math.ceil(100.0 * needed - 1e-9)
         return f"the scans support the best place by only {support} %; it needs {needed} %"

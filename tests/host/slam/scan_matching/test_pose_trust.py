@@ -35,6 +35,11 @@ def test_support_never_looks_as_large_as_what_it_needs(fit: float) -> None:
     assert support < needed == 80
 
 
+def test_support_below_nothing_is_no_share() -> None:
+    trust = updated(PoseTrust(trusted=False), 2, fit=0.3, push_m=0.4, distance_m=0.2)
+    assert trust.doubt == "the scans contradict the best place on the map"
+
+
 def test_place_is_confirmed_by_ten_scans_over_a_metre() -> None:
     trust = updated(PoseTrust(trusted=False), 9, fit=0.8, push_m=0.01)
     assert not trust.confirmed
