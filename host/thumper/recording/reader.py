@@ -1,6 +1,6 @@
 """Read recordings, of Thumper and of other ROS 2 programs, message by message in recorded order."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -105,8 +105,10 @@ class Recording:
                         yield found
 
 
-def find_recordings(paths: list[Path]) -> tuple[Path, ...]:
-    """Return the given files, and the recordings in the given folders, by name.
+def find_recordings(paths: list[Path], report: Callable[[str], None] = print) -> tuple[Path, ...]:
+    """Return the given files, and the newest run's recordings in the given folders, by name.
+
+    `report` receives a line for each folder with several runs.
 
     Raises
     ------
@@ -115,7 +117,7 @@ def find_recordings(paths: list[Path]) -> tuple[Path, ...]:
     """
     found: list[Path] = []
     for path in paths:
-        found += sorted(path.glob("*.mcap")) if path.is_dir() else [path]
+        found += _newest_run(path, report) if path.is_dir() else [path]
     unfinished = [part for path in paths for part in sorted(path.glob(f"*.mcap{PART}"))]
     if unfinished and not found:
         raise ThumperError(
@@ -124,6 +126,20 @@ def find_recordings(paths: list[Path]) -> tuple[Path, ...]:
             exit_code=EXIT_USAGE,
         )
     return tuple(found)
+
+
+def _newest_run(folder: Path, report: Callable[[str], None]) -> list[Path]:
+    files = sorted(folder.glob("*.mcap"))
+    if len(files) < 2:
+        return files
+    runs: dict[str | None, list[Path]] = {}
+    for path in files:
+        _check(path)
+        runs.setdefault(_metadata(path).get("run"), []).append(path)
+    newest = max(runs.values(), key=lambda run: _start_ns(run[0]))
+    if len(runs) > 1:
+        report(f"{folder}/ has recordings of {len(runs)} runs; this is the newest: {newest[0].name}")
+    return newest
 
 
 def is_mcap(path: Path) -> bool:
@@ -139,6 +155,14 @@ def _check(path: Path) -> None:
         raise unreadable(path, error) from error
     if not good:
         raise ThumperError(f"{path}: not an MCAP file; is it the right one?", exit_code=EXIT_USAGE)
+
+
+def _start_ns(path: Path) -> int:
+    """Return the time of the first message; 0 if there is none."""
+    with path.open("rb") as stream:
+        return next(
+            (record.log_time for record in records_until_error(stream) if isinstance(record, Message)), 0
+        )
 
 
 def _metadata(path: Path) -> dict[str, str]:

@@ -180,6 +180,17 @@ def test_files_of_two_runs_are_refused(made_up: Path, live: Live) -> None:
         Recording((made_up, live[0]))
 
 
+def test_a_folder_of_two_runs_stands_for_the_newest(made_up: Path, live: Live, tmp_path: Path) -> None:
+    """The newest by its first message: not by the name, nor by the file's time."""
+    runs = {path: next(Recording((path,)).messages()).log_ns for path in (made_up, live[0])}
+    oldest, newest = sorted(runs, key=runs.__getitem__)
+    (tmp_path / "a.mcap").write_bytes(newest.read_bytes())
+    (tmp_path / "b.mcap").write_bytes(oldest.read_bytes())
+    reports: list[str] = []
+    assert find_recordings([tmp_path], reports.append) == (tmp_path / "a.mcap",)
+    assert reports == [f"{tmp_path}/ has recordings of 2 runs; this is the newest: a.mcap"]
+
+
 def test_other_files_are_refused_as_recordings(tmp_path: Path) -> None:
     text = tmp_path / "a.mcap"
     text.write_text("hello")

@@ -82,7 +82,7 @@ MapFolder = Annotated[
     typer.Option("--out", help="Folder for map.pgm, map.yaml, map.session, map.png and trajectory.csv."),
 ]
 Recordings = Annotated[
-    list[Path], typer.Argument(help="Recordings (.mcap) of one run in order, or their folder.")
+    list[Path], typer.Argument(help="Recordings (.mcap) of one run in order, or a folder: its newest run.")
 ]
 Ui = Annotated[bool, typer.Option("--ui", help="Also serve the dashboard; see `thumper dashboard`.")]
 UiPort = Annotated[
