@@ -171,6 +171,22 @@ def test_a_run_that_ends_while_it_tunes_frees_the_guide() -> None:
     assert guide.outcomes[Step.START].text == "the robot has stopped: the board is gone"
 
 
+@pytest.mark.parametrize(
+    ("mode", "board_state", "sent"),
+    [("manual", "MANUAL", ["disarm"]), ("driving", "CLOSED_LOOP", []), ("idle", "DISARMED", [])],
+)
+def test_a_robot_armed_for_a_step_is_disarmed_after_it(mode: str, board_state: str, sent: list[str]) -> None:
+    published: list[str] = []
+    guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
+    guide._robot = SimpleNamespace(publish=lambda _topic, message: published.append(message.data))
+    guide.begin(Step.DRIVE)
+    guide.watch.on_status(Messages().status(Status(time_s=0.0, mode=mode, board_state=board_state)))
+    guide.repeat()
+    assert published == []
+    guide.advance()
+    assert (guide.step, published) == (Step.MAP, sent)
+
+
 LINES = [
     "tracking error at 4 rad/s² 0.150 → 0.080 rad/s",
     "tracking error at 8 rad/s² 0.210 → 0.205 rad/s, no change beyond the noise of ±0.010",
@@ -185,7 +201,7 @@ def guide_after_tuning(*states: ExperimentState) -> Guide:
     """Return a guide whose robot has reported these states of its tuning."""
     replies = [{"ok": True, **asdict(state)} for state in states]
     guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
-    guide.watch = SimpleNamespace(status=object(), restart=lambda: None)  # type: ignore[assignment]
+    guide.watch = SimpleNamespace(status=Status(time_s=0.0), restart=lambda: None)  # type: ignore[assignment]
     guide._robot = SimpleNamespace(query=lambda *_arguments, **_options: replies.pop(0))
     guide.begin(Step.TUNE)
     for _ in states:
@@ -232,7 +248,8 @@ def test_a_map_is_saved_once_the_robot_reports_its_files() -> None:
     guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
     reports = ["map saved: maps/den.pgm, den.yaml, den.session", "the map was not saved: no space left"]
     events: list[str] = []
-    guide.watch = SimpleNamespace(events=lambda: events, restart=events.clear)  # type: ignore[assignment]
+    watch = SimpleNamespace(status=None, events=lambda: events, restart=events.clear)
+    guide.watch = watch  # type: ignore[assignment]
 
     def save(*_arguments: Any, **_options: Any) -> dict[str, Any]:
         events.append(reports.pop(0))
@@ -329,6 +346,7 @@ def test_one_simulator_runs_also_if_the_guide_ends_before_it_is_ready(
         guide.begin(Step.ROBOT)
         choice = asyncio.create_task(guide.choose_robot("", SIMULATED))
         await asyncio.sleep(0.1)
+        assert guide.outcomes[Step.ROBOT].text == "thumper sim is starting: 0 s"
         await guide.close()
         assert not Simulator.running
         choice.cancel()

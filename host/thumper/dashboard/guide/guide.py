@@ -14,6 +14,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 
+from thumper.board.fault_texts import ARMED_STATES
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 from thumper.dashboard.board_parameters import Parameters
 from thumper.dashboard.guide.command import StepCommand
@@ -21,6 +22,7 @@ from thumper.dashboard.guide.robot_file import Ports, write_robot_file
 from thumper.dashboard.guide.robot_watch import RobotWatch, WatchedBus
 from thumper.ros import services
 from thumper.ros.services import ExperimentState, NamedMap
+from thumper.ros.to_ros import text as text_message
 
 WATCH_PERIOD_S = 0.25
 SAVE_TIMEOUT_S = 30.0  # of a robot that saves its map at the end
@@ -142,6 +144,8 @@ class Guide:
         """Show a step, unless one is running."""
         if self.busy is not None:
             return
+        if step is not self.step:
+            self._disarm()
         self.step = step
         self._command = None
         self.watch.restart()
@@ -163,6 +167,18 @@ class Guide:
         explores = self.step is Step.MAP and status is not None and status.mode == "driving"
         return explores or self.busy in (Step.CHECK, Step.TUNE)
 
+    @property
+    def is_armed(self) -> bool:
+        """Whether the motors may turn."""
+        status = self.watch.status
+        return status is not None and status.board_state in ARMED_STATES
+
+    def _disarm(self) -> None:
+        """Switch the motors off, which the user may have armed for a step; a drive of its own goes on."""
+        status = self.watch.status
+        if self.is_armed and status is not None and status.mode != "driving":
+            self._connected.publish("command", text_message("disarm"))
+
     def advance(self) -> None:
         """Go on to the next step; this one counts as skipped unless it has succeeded."""
         outcome = self.outcomes.get(self.step)
@@ -183,9 +199,7 @@ class Guide:
             if self.config is None or self.ports is None:
                 self.config, self.ports = write_robot_file(Path(), name, ports), ports
             if self.ports.simulated:
-                self._set("warn", "starting the simulated robot; that takes about 5 s")
                 await self._start_simulator()
-                self.outcomes.pop(Step.ROBOT)
                 return f"a simulated robot: bare board, wheels in the air; {self.config}"
             return f"board {self.ports.board}, lidar {self.ports.lidar}: {self.config}"
 
@@ -390,14 +404,17 @@ class Guide:
         task = asyncio.create_task(command.run_in_background(SAVE_TIMEOUT_S))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-        end_s = time.monotonic() + timeout_s
+        begin_s = time.monotonic()
         while not is_ready():
+            seconds = time.monotonic() - begin_s
+            self._set("warn", f"{name} is starting: {seconds:.0f} s")
             if task.done():
                 raise ThumperError(command.last_line or f"{name} has ended")
-            if time.monotonic() > end_s:
+            if seconds > timeout_s:
                 await command.stop(SAVE_TIMEOUT_S)
                 raise ThumperError(f"{name} was not ready in {timeout_s:g} s: {command.last_line}")
             await asyncio.sleep(WATCH_PERIOD_S)
+        self.outcomes.pop(self.step, None)
 
     async def _end_simulator(self) -> None:
         if self._simulator is not None:

@@ -102,8 +102,8 @@ class GuideView:
         guide = self._guide
         outcome = guide.outcomes.get(guide.step)
         verdict = outcome.verdict if outcome else ""
-        is_moving = guide.is_moving
-        now = (guide.step, guide.busy, verdict, guide.is_tuned, is_moving, self._controls.confirming)
+        moves = (guide.is_moving, guide.is_armed)
+        now = (guide.step, guide.busy, verdict, guide.is_tuned, moves, self._controls.confirming)
         if now != self._shown:
             is_new_step = self._shown[:1] != now[:1]
             if is_new_step:

@@ -24,6 +24,10 @@ class WatchedBus(QueryClient, Protocol):
         """Call `callback` with each message, on the bus's thread."""
         ...
 
+    def publish(self, topic: str, message: Message) -> None:
+        """Send a message."""
+        ...
+
 
 class RobotWatch:
     """The newest messages of the robot. Its callbacks run on the bus's threads."""

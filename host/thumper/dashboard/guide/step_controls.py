@@ -112,13 +112,16 @@ class StepControls:
             self._cancel(self._guide.interrupt)
             return
         with box("tp-buttons"):
-            self._button("Turn the wheels", self._guide.check if self._is_simulated else self._ask)
+            check = self._guide.check if self._is_simulated else self._ask
+            self._button("Turn the wheels", check, main=not self._has_passed)
             outcome = self._guide.outcomes.get(Step.CHECK)
             if outcome is not None and outcome.verdict != "fail":
-                self._button("Continue", self._guide.advance, main=False)
+                self._button("Continue", self._guide.advance, main=self._has_passed)
 
     def _start(self) -> None:
-        if not self._is_simulated:
+        if self._is_simulated:
+            _text("The simulator puts the robot on the floor of its world.")
+        else:
             _text(f"Put the robot on the floor, with {LANE_M:g} m of free space ahead of it and behind it.")
         _text("The first start compiles for up to two minutes.")
         with box("tp-buttons"):
@@ -152,18 +155,20 @@ class StepControls:
     def _drive(self) -> None:
         _text("Arm, then hold the joystick: up drives ahead. Release it: the robot stops. Drive 0.3 m.")
         with box("tp-buttons"):
-            self._button("Arm", None, message={"kind": "command", "name": "arm"})
+            self._arm(main=not self._has_passed)
             self._next()
 
     def _map(self) -> None:
         _text("Explore: the robot maps the room from frontier to frontier at 0.2 m/s, and returns.")
         beside = "" if self._is_simulated else "Stay beside it. "
-        _text(f"{beside}Or arm and drive it with the joystick.")
+        _text(f"{beside}Or press Arm and drive it with the joystick.")
         if self._guide.is_moving:
             self._cancel()
             return
         with box("tp-buttons"):
-            self._button("Explore", self._guide.repeat, message={"kind": "command", "name": "explore"})
+            explore = {"kind": "command", "name": "explore"}
+            self._button("Explore", self._guide.repeat, main=not self._has_passed, message=explore)
+            self._arm(main=False)
             self._next()
 
     def _goal(self) -> None:
@@ -187,6 +192,13 @@ class StepControls:
         _text("Press Ctrl-C in the terminal to stop it. Start it the next time with:")
         inline(f"<pre>{escape(command)}</pre>")
         _text("It drives at 0.2 m/s at most until you delete that limit from the file.")
+
+    def _arm(self, *, main: bool) -> None:
+        """Add the button for the joystick: it arms, or disarms."""
+        if self._guide.is_armed:
+            self._button("Disarm", None, main=False, message={"kind": "command", "name": "disarm"})
+        else:
+            self._button("Arm", None, main=main, message={"kind": "command", "name": "arm"})
 
     def _next(self) -> None:
         """Add the button that goes on: the main one once the step has succeeded."""
