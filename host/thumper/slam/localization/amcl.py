@@ -46,6 +46,7 @@ LIKELY_LOG_RATIO = 15.0  # prior log odds of the likely pose: people often hide 
 OUTSIDE_BELOW = 0.2  # share of beams that contradict the map where the robot has left it, not lost its pose
 OUTSIDE_MATCHED = 0.3  # share explained from which the walls still in sight correct the odometry there
 PUSHED_GAIN = 0.05  # explained by so much better a pose than by the expected one: the robot was pushed
+CARRIED_ABOVE = 0.2  # share of beams through walls at the pose of a robot that was carried away
 MIN_LOG_RATIO, MAX_LOG_RATIO = 1.0, 50.0  # of a pose that contradicts the given one; limit of its odds
 
 
@@ -234,7 +235,7 @@ class Amcl:
         if self._beams < MIN_HITS:
             return self._record(odom_from_base, expected, math.nan, jumped)
         self._challenge.continue_search(likelihood, odom_from_base, expected, moved)
-        is_due = self._is_due(moved) or self._was_pushed(likelihood, expected)
+        is_due = self._is_due(moved) or self._was_moved(likelihood, expected)
         if not is_due or not self._search_done(likelihood, odom_from_base):
             return self._record(odom_from_base, expected, math.nan, jumped)
         given = self._given.pop_unverified()
@@ -279,7 +280,8 @@ class Amcl:
         self, likelihood: ScanLikelihood, odom_from_base: Pose2, moved: Pose2, own: PoseHypothesis
     ) -> PoseHypothesis | None:
         """Search the whole map if the pose fits badly; return the place that replaces a proven one."""
-        fits_badly = self._schedule.unexplained >= LOST_AFTER or self._trust.rejected
+        was_carried = self._schedule.carried_scans >= LOST_AFTER
+        fits_badly = self._schedule.unexplained >= LOST_AFTER or self._trust.rejected or was_carried
         if not self._trust.proven:
             self._challenge.reset()
             self._schedule.search |= fits_badly
@@ -301,18 +303,23 @@ class Amcl:
             or abs(moved.theta_rad) >= self._options.update_angle_rad
         )
 
-    def _was_pushed(self, likelihood: ScanLikelihood, expected: Pose2) -> bool:
-        """Return whether the robot has moved though odometry shows nothing: another pose nearby fits better.
+    def _was_moved(self, likelihood: ScanLikelihood, expected: Pose2) -> bool:
+        """Return whether somebody has moved the robot: odometry shows nothing, and the scan no longer fits.
 
-        Somebody pushed it, or an encoder misses a turn.
+        Another pose nearby fits better (a push, or an encoder that misses a turn), or beams pass through
+        walls (the robot was carried away; people who hide the walls only make beams shorter).
         """
-        if self._schedule.search or self._estimate.odom_from_base is None or not self._trust.proven:
+        carried_scans, self._schedule.carried_scans = self._schedule.carried_scans, 0
+        if self._schedule.search or self._estimate.odom_from_base is None:
             return False
         pose = np.array([[expected.x_m, expected.y_m, expected.theta_rad]])
         explained = float(likelihood.likelihoods(pose, 1.0)[1][0])
         if explained > self._estimate.explained - PUSHED_GAIN:
             return False
-        return likelihood.refine_pose(expected).explained > explained + PUSHED_GAIN
+        if explained < self._options.lost_below and likelihood.through_walls(expected) > CARRIED_ABOVE:
+            self._schedule.carried_scans = carried_scans + 1
+            return self._schedule.carried_scans >= LOST_AFTER
+        return self._trust.proven and likelihood.refine_pose(expected).explained > explained + PUSHED_GAIN
 
     def _search_done(self, likelihood: ScanLikelihood, odom_from_base: Pose2) -> bool:
         """Continue the search of the whole map, if one is needed; return False while it goes on.

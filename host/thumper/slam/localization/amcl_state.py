@@ -34,6 +34,7 @@ class Schedule:
     search: bool  # search the whole map at the next opportunity
     wait_scans: int = 0  # before the next search
     unexplained: int = 0  # consecutive weighed scans below `lost_below`
+    carried_scans: int = 0  # consecutive scans at rest with beams through walls of the map
     skipped: int = 0  # scans since the newest weighed one
 
     def next_scan(self, trust: PoseTrust) -> None:
@@ -44,10 +45,10 @@ class Schedule:
             self.search = True
 
     def retry_due(self, *, challenged: bool) -> bool:
-        """Return whether a stationary robot weighs a scan again because the last one did not fit."""
-        return self.unexplained > 0 and self.skipped >= (
-            CHALLENGED_RETRY_SCANS if challenged else RETRY_SCANS
-        )
+        """Return whether a robot at rest weighs a scan again: the last one did not fit, or places compete."""
+        if challenged:
+            return self.skipped >= CHALLENGED_RETRY_SCANS
+        return self.unexplained > 0 and self.skipped >= RETRY_SCANS
 
 
 @dataclass(slots=True)

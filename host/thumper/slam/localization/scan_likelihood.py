@@ -88,6 +88,11 @@ class ScanLikelihood:
         """Return the share of beams that end in free space or pass through a wall, 0...1."""
         return self._evidence(pose).contradicting_share
 
+    def through_walls(self, pose: Pose2) -> float:
+        """Return the share of beams that pass through a wall, 0...1."""
+        evidence = self._evidence(pose)
+        return evidence.explained - evidence.fit
+
     def search_map(self) -> Search[FloatArray]:
         """Return the best pose of the whole map, and separate ones that explain nearly as much, (n, 3)."""
         return self._map.search_poses(self._hits_m, MAX_HYPOTHESES, SIMILAR_RATIO)

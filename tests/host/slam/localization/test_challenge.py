@@ -3,6 +3,7 @@
 import itertools
 
 import numpy as np
+import pytest
 from benchmarks.shared.rooms import ROOM, rectangle, room_scan
 
 from thumper.common.geometry import FloatArray, Pose2, Twist2
@@ -56,3 +57,23 @@ def test_carried_robot_gives_its_proven_pose_up() -> None:
     assert lost > 0
     assert robot.quality().lost == ""
     assert errors[-1] < 0.05
+
+
+@pytest.mark.parametrize("to", [Pose2(x_m=2.0, y_m=0.0, theta_rad=-2.0), Pose2(x_m=-1.5, y_m=1.2)])
+def test_robot_carried_at_rest_finds_itself_without_driving(to: Pose2) -> None:
+    robot, odometry, _ = proven()
+    scans = [room_scan(to, noise_m=0.01, rng=np.random.default_rng(k)) for k in range(20)]
+    updates = [robot.update(odometry, scan, Twist2()) for scan in scans]
+    assert updates[-1].map_from_base.distance_m(to) < 0.02
+    assert robot.relocalizations == 1
+    assert robot.quality().lost == ""
+
+
+def test_robot_at_rest_keeps_its_pose_while_people_hide_the_walls() -> None:
+    robot, odometry, pose = proven()
+    walls, rng = np.concatenate((ROOM, *CLUTTER)), np.random.default_rng(3)
+    for _ in range(60):
+        robot.update(odometry, room_scan(pose, noise_m=0.01, rng=rng, walls=walls), Twist2())
+    assert robot.relocalizations == 0
+    assert robot.map_from_base.distance_m(pose) < 0.05
+    assert robot.quality().lost == ""
