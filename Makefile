@@ -35,6 +35,10 @@ help:
 	@echo "make soak      two simulated hours of goals and faults (half an hour); HOURS=8 for more, see docs/results/soak.md"
 	@echo "make mutation  change the firmware, and what decides in the host, line by line; a test must notice (an hour)"
 
+ifeq ($(MAKECMDGOALS)$(wildcard $(VENV)/.kernels),demo)
+$(info the first time takes 2 to 4 minutes)
+endif
+
 demo: firmware chip $(VENV)/.kernels
 	@echo "starting the simulator"
 	@$(BIN)/thumper demo
@@ -140,6 +144,7 @@ $(VENV)/.packages: scripts/install-packages Makefile
 # A stamp and not $(BIN)/python: an environment that was half made is made again.
 $(VENV)/.made: | $(VENV)/.packages
 	@PYTHON="$(PYTHON)" scripts/find-python >/dev/null
+	@echo "creating the Python environment $(VENV)"
 	@rm -rf $(BIN) $(VENV)/lib
 	@python=$$(PYTHON="$(PYTHON)" scripts/find-python); "$$python" -m venv $(VENV) || { \
 	  echo "thumper: $$python cannot make a virtual environment; install its venv package (python3.X-venv)" >&2; exit 1; }

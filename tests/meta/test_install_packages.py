@@ -1,5 +1,7 @@
-"""`scripts/install-packages` without apt-get looks for the programs and names what is missing."""
+"""`install-packages` without apt-get names what is missing; `install-python` counts the seconds."""
 
+import os
+import pty
 import subprocess
 import sys
 from pathlib import Path
@@ -31,3 +33,16 @@ def test_it_goes_on_where_all_is_there(tmp_path: Path) -> None:
     (tmp_path / "python3").symlink_to(sys.executable)
     done = _install(tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_seconds_count_on_a_terminal_and_not_in_a_pipe(tmp_path: Path) -> None:
+    slow = tmp_path / "python"
+    slow.write_text("#!/bin/sh\nsleep 0.8\n")  # for pip, which installs uv, and for uv
+    slow.chmod(0o755)
+    command = ["scripts/install-python", str(slow), "package"]
+    ours, theirs = pty.openpty()
+    subprocess.run(command, cwd=ROOT, stdout=theirs, check=True)
+    assert os.read(ours, 1000) == b"\x1b[Kinstalling Python packages, 1 s\r\x1b[K"
+    os.close(ours)
+    os.close(theirs)
+    assert subprocess.run(command, cwd=ROOT, capture_output=True, check=True).stdout == b""
