@@ -47,6 +47,13 @@ def test_status_names_the_experiment_that_drives(page: Page, robot: FakeRobot) -
     expect(mode).to_have_text("idle")
 
 
+def test_the_result_of_an_experiment_is_above_its_lines(page: Page, robot: FakeRobot) -> None:
+    page.click(".tp-tab-tune")
+    robot.experiment_result = "the board uses the new gains"
+    expect(page.locator(".tp-tune .tp-message")).to_have_text("the board uses the new gains")
+    expect(page.locator(".tp-lines div")).to_have_text(["left: 3 rad/s"])
+
+
 def test_lost_pose_is_shown_with_its_reason(page: Page, robot: FakeRobot) -> None:
     pose, reason = page.locator("[data-field=pose]"), page.locator("[data-field=reason]")
     expect(pose).to_contain_text(" m")

@@ -175,5 +175,7 @@ def test_progress_of_tuning_never_goes_back() -> None:
         progress.report_progress(0, 0, "driving back to the start")
         for done in range(101):
             progress.report_progress(done, 100, f"driving with the {gains} gains: {done}")
+    driven = shares[-1]
+    progress.report_progress(0, 0, "comparing the drives and writing the report")
     assert shares == sorted(shares)
-    assert shares[-1] == 1.0
+    assert 0.9 < driven == shares[-1] < 1.0  # the report takes seconds

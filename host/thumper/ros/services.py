@@ -175,7 +175,7 @@ class ExperimentState:
 
     running: Annotated[str, "name of the experiment; empty if there is none"]
     share: Annotated[float, "progress, 0 ... 1"]
-    what: Annotated[str, "what it does now"]
+    what: Annotated[str, "what it does now, or what it has brought"]
     lines: Annotated[list[str], "of the result"]
     problem: Annotated[str, "why it failed; empty if it did not"]
     has_report: bool

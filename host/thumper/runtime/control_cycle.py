@@ -69,14 +69,17 @@ class ControlCycle:
         self.publish()
         self.request_handler.refuse(reason)
 
-    def stop(self) -> StopResult:
-        """Stop and disarm. Never raises, and depends on nothing but the board until that has stopped."""
+    def stop(self, reason: str = "") -> StopResult:
+        """Stop and disarm. Never raises, and depends on nothing but the board until that has stopped.
+
+        A `reason` replaces the one of the last drive.
+        """
         result = stop_and_disarm(self.inputs.board)
         with suppress(Exception):  # an error here must not hide how the drive ended
             self.inputs.add_telemetry(result.samples)
             self.inputs.read_scans()  # a stop takes up to 3 s: without its scans the lidar would seem lost
             self.publish()  # a recording contains the stop as well
-        self.drive_manager.on_stopped()
+        self.drive_manager.on_stopped(reason)
         return result
 
     def publish(self, output: NavigationOutput | None = None) -> None:

@@ -15,13 +15,14 @@ from thumper_tuning.report.text import motor_summary
 SPEEDS_RAD_S = (8.0, 6.0, 5.0, 4.0, 3.0)
 HOLDS_S = (1.5, 0.5)
 # How long the activities of `BoardProcedure.tune` take in turn, in simulation: record, compute the motor
-# models, compute the gains, then twice return to the start and verify.
-ACTIVITIES_S = (41, 8, 3, 5, 19, 1, 19)
+# models, compute the gains, twice return to the start and verify, then compare the drives.
+ACTIVITIES_S = (41, 8, 3, 5, 19, 1, 19, 6)
 
 
 def identify_motors(context: ExperimentContext) -> Path | None:
     """Drive the identification experiment and report the motors' parameters."""
     _procedure(context).identify(ExcitationOptions(lane_m=context.lane_m))
+    context.report_result("the motors are identified; the gains of the board are as before")
     return None
 
 
@@ -40,7 +41,7 @@ def tune_wheels(context: ExperimentContext) -> Path | None:
         else:
             write_gains(context.board, old)
             outcome = "the new gains are no better; the board uses the old ones again"
-    context.report_line(outcome)
+    context.report_result(outcome)
     return tuning.report
 
 

@@ -84,6 +84,7 @@ class BoardProcedure:
         self.progress.run_in_thread(lambda: write_models(self.folder, motors, result))
         before = self._verify("before", old, options.verify, start_m)
         after = self._verify("after", result.gains, options.verify, start_m)
+        self.progress.report_progress(0, 0, "comparing the drives and writing the report")
         changes = zip(before.tracking, after.tracking, strict=True)
         self._report_lines([tracking_change(b, a) for b, a in changes])
         better = is_better(before, after, result)

@@ -68,8 +68,9 @@ export function tune(root) {
     message.classList.toggle("bad", Boolean(state?.problem));
     message.textContent = running
       ? [state.share ? `${Math.round(100 * state.share)} %` : "", state.what].filter(Boolean).join(": ")
-      : state?.problem ?? "This robot cannot run experiments.";
-    resultLines.replaceChildren(...(state?.lines ?? []).map((line) => {
+      : state ? state.problem || state.what : "This robot cannot run experiments.";
+    const lines = (state?.lines ?? []).filter((line) => running || line !== state.what); // the result is above
+    resultLines.replaceChildren(...lines.map((line) => {
       const row = document.createElement("div");
       row.textContent = line;
       return row;

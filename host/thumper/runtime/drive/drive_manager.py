@@ -204,10 +204,10 @@ class DriveManager:
         self._cancel_drive(reason)
         self._go_idle(reason)
 
-    def on_stopped(self) -> None:
-        """Note that the caller has stopped the robot and switched the motors off."""
+    def on_stopped(self, reason: str = "") -> None:
+        """Note that the caller has stopped the robot and switched the motors off, and why."""
         self._cancel_drive("stopped")
-        self._go_idle(self.reason)
+        self._go_idle(reason or self.reason)
 
     def step(
         self, telemetry: Telemetry, state: RobotState, grid: Callable[[], OccupancyGrid]

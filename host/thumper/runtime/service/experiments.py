@@ -38,6 +38,7 @@ class ExperimentContext:
     lane_m: float  # free floor ahead of the robot, and the same behind it
     report_progress: Callable[[int, int, str], None]  # done, total, what
     report_line: Callable[[str], None]  # a line of the result
+    report_result: Callable[[str], None]  # the last line: what it brought, in one sentence
     run_in_thread: Callable[[Callable[[], Any]], Any]  # compute while the robot's loop continues
 
 
@@ -62,8 +63,8 @@ class BoardLender(Protocol):
         """Run one control cycle with telemetry that the experiment has read."""
         ...
 
-    def stop(self) -> object:
-        """Stop and disarm."""
+    def stop(self, reason: str) -> object:
+        """Stop and disarm; the status then shows `reason`."""
         ...
 
 
@@ -144,6 +145,7 @@ class Experiments:
         self._progress: tuple[int, int, str] = (0, 0, "")
         self._lines: list[str] = []
         self._problem = ""
+        self._result = ""
         self._report: Path | None = None
 
     def request(self, request: StartExperiment, source: str) -> str:
@@ -177,7 +179,7 @@ class Experiments:
         return ExperimentState(
             running=self.running or self.requested,
             share=done / total if total else 0.0,
-            what=what,
+            what=what if self.running or self._problem else self._result,
             lines=list(self._lines),
             problem=self._problem,
             has_report=self._report is not None,
@@ -191,7 +193,8 @@ class Experiments:
 
     def run(self, loop: BoardLender) -> None:
         """Run the requested experiment on the board of `loop`, then stop. Only Ctrl-C is raised."""
-        loop.publisher.publish_event(f"{self.requested} begins")
+        name = self.requested
+        loop.publisher.publish_event(f"{name} begins")
 
         def on_poll(samples: list[TelemetrySample]) -> None:
             loop.step_lent(samples)
@@ -202,18 +205,19 @@ class Experiments:
             if self._stop_reason:
                 raise ThumperError(self._stop_reason)
 
-        loop.publisher.experiment = self.requested
+        loop.publisher.experiment = name
         try:
             ending = self._run_on(LentBoard(loop.inputs.board, on_poll))
         finally:
             loop.publisher.experiment = ""
-        loop.stop()
-        loop.publisher.publish_event(ending)
+        loop.stop(ending)
+        loop.publisher.publish_event(f"{name}: {ending}")
 
     def _run_on(self, board: Board) -> str:
         """Run the experiment; return how it ended."""
         name, self.requested = self.requested, ""
         self.running, self._stop_reason, self._problem, self._report = name, "", "", None
+        self._result = ""
         self._lines.clear()
         self._progress = (0, 0, "starting")
         try:
@@ -227,7 +231,7 @@ class Experiments:
             self._problem = f"internal error: {type(error).__name__}: {error}"
         finally:
             self.running = ""
-        return f"{name}: {self._problem or 'done'}"
+        return self._problem or self._result or "done"
 
     def _context(self, board: Board) -> ExperimentContext:
         FOLDER.mkdir(parents=True, exist_ok=True)
@@ -238,6 +242,10 @@ class Experiments:
         def report_line(line: str) -> None:
             if len(self._lines) < MAX_LINES:
                 self._lines.append(line)
+
+        def report_result(text: str) -> None:
+            report_line(text)
+            self._result = text
 
         def run_in_thread(work: Callable[[], T]) -> T:
             pool = ThreadPoolExecutor(1)
@@ -255,6 +263,7 @@ class Experiments:
             lane_m=self._lane_m,
             report_progress=report_progress,
             report_line=report_line,
+            report_result=report_result,
             run_in_thread=run_in_thread,
         )
 

@@ -577,6 +577,12 @@ def test_result_of_a_plan_that_took_too_long_is_not_driven(bench: Bench) -> None
     assert "overloaded" in bench.manager.reason
 
 
+def test_who_stops_the_robot_may_say_why(bench: Bench) -> None:
+    bench.manager.on_stopped("tuned")
+    bench.manager.on_stopped()
+    assert bench.manager.reason == "tuned"
+
+
 def test_abort_and_stopped_send_nothing(bench: Bench) -> None:
     ends: tuple[Callable[[], None], ...] = (lambda: bench.manager.abort("gone"), bench.manager.on_stopped)
     for end in ends:

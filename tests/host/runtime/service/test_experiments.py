@@ -3,6 +3,8 @@
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -14,7 +16,7 @@ from thumper.lidar.options import LidarOptions
 from thumper.ros.services import StartExperiment
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.loop import RobotLoop
-from thumper.runtime.service.experiments import LentBoard
+from thumper.runtime.service.experiments import ExperimentContext, Experiments, LentBoard
 
 
 @pytest.fixture
@@ -57,6 +59,34 @@ def test_a_stop_does_not_wait_for_the_computation(
         assert (events[-1], computed.is_set()) == ("tune: cancelled", False)
     finally:
         may_end.set()
+
+
+def test_the_result_is_reason_event_and_last_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    events: list[str] = []
+    reasons: list[str] = []
+    result = "the board uses the new gains"
+
+    def experiment(context: ExperimentContext) -> None:
+        context.report_progress(1, 2, "driving")
+        context.report_line("left: 3 rad/s")
+        context.report_result(result)
+
+    board = SimpleNamespace(identity=None, restarted=False, poll=lambda _timeout_s: [])
+    loop: Any = SimpleNamespace(
+        inputs=SimpleNamespace(board=board, telemetry=None),
+        publisher=SimpleNamespace(publish_event=events.append, experiment=""),
+        step_lent=lambda _samples: None,
+        stop=reasons.append,
+    )
+    monkeypatch.setattr("thumper.runtime.service.experiments._load", lambda _name: experiment)
+    experiments = Experiments()
+    experiments.request(StartExperiment(name="tune", lane_m=1.2), "me")
+    experiments.run(loop)
+    state = experiments.state()
+    assert (state.what, state.lines, state.problem) == (result, ["left: 3 rad/s", result], "")
+    assert events == ["tune begins", f"tune: {result}"]
+    assert reasons == [result]
 
 
 def test_a_lent_board_is_the_board_and_runs_the_loop_at_each_poll(robot: RobotLoop) -> None:
