@@ -234,9 +234,14 @@ class FakeRobot:
                 self._run_command(content["command"])
                 answer = {"text": ANSWERS.get(content["command"], f"done: {content['command']}")}
             case "simulator/world":
-                kinds = {"lidar": {"choices": ["ok", "unplugged"]}, "slip.left": {"most": 1.0, "unit": ""}}
+                kinds = {
+                    "lidar": {"choices": ["ok", "unplugged"], "title": "Lidar: plug"},
+                    "slip.left": {"most": 1.0, "unit": "", "normal": 0.0, "title": "Left wheels: slip"},
+                    "robot.carried": {"pose": True, "title": "Robot: carried away"},
+                }
                 answer = {"faults": kinds, "on": self.simulated_faults, "pillars": 0}
                 answer |= {"world": self.simulated_world, "worlds": ["hall", "lab"]}
+                answer["titles"] = {"hall": "Hall: empty", "lab": "Laboratory: one room"}
                 answer["speed"] = self.simulated_speed
             case "simulator/command":
                 answer = {"text": self._change_simulation(content)}

@@ -9,6 +9,7 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Browser, Page, expect
 
+from tests.dashboard.test_page_contrast import POOR
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
 from thumper.dashboard.page import page_title
@@ -18,7 +19,7 @@ NUMBER = re.compile(r"^-?\d+\.\d\d$")
 
 
 def test_robot_data_is_drawn(page: Page) -> None:
-    expect(page.locator("#tp-banner")).to_have_text("Simulated robot")
+    expect(page.locator("#tp-banner")).to_contain_text("Simulated robot")
     expect(page.locator(".tp-battery [data-field=battery]")).to_have_text("7.62 V")
     page.wait_for_function("document.querySelector('.tp-map').mapView.data.scan.length > 1000")
     points = page.evaluate("Array.from(document.querySelector('.tp-map').mapView.data.scan)")
@@ -118,9 +119,9 @@ def test_fault_is_shown_with_its_fix(page: Page, robot: FakeRobot) -> None:
     robot.fault, robot.battery_V = Fault.STALL_LEFT, 6.9
     expect(page.locator(".tp-fault-words")).to_have_text("stall left")
     expect(page.locator(".tp-fault-cure")).to_have_text(robot.fault_cure)
-    robot.simulated_faults["motor.left"] = "shorted"
+    robot.simulated_faults["slip.left"] = 0.5
     injected = page.locator(".tp-fault-injected")
-    expect(injected).to_have_text("Simulated faults: left motor (motor.left) shorted (tab Sim)")
+    expect(injected).to_have_text("Simulated faults: Left wheels: slip (slip.left) 0.5 (tab Sim)")
     expect(page.locator(".tp-battery")).to_have_css("background-color", "rgb(207, 34, 46)")
 
 
@@ -176,10 +177,13 @@ def test_another_simulated_world_is_chosen_in_the_panel(page: Page, robot: FakeR
     world = page.locator(".tp-faultrow .q-select", has_text="World")
     expect(world).to_contain_text("Laboratory: one room")
     world.click()
-    page.get_by_role("option", name="Hall: empty, 14 x 6 m", exact=True).click()
+    page.get_by_role("option", name="Hall: empty", exact=True).click()
+    banner = page.locator("#tp-banner")
+    expect(banner).to_have_text("Simulated robot: Laboratory")
     page.click("text=Start in this world")
     expect(page.locator(".tp-message:visible")).to_have_text("the robot starts again in the world hall")
     assert robot.simulated_world == "hall"
+    expect(banner).to_have_text("Simulated robot: Hall")
 
 
 def test_banner_says_that_the_robot_restarts_in_another_world(
@@ -188,13 +192,13 @@ def test_banner_says_that_the_robot_restarts_in_another_world(
     banner = page.locator("#tp-banner")
     robot.event("the robot starts again in the world hall, with a new map")
     page.wait_for_function("sessionStorage.getItem('tp-restart')")
-    expect(banner).to_have_text("Simulated robot")  # it still saves its map
+    expect(banner).to_contain_text("Simulated robot")  # it still saves its map
     server.kill()
     try:
         expect(banner).to_have_text("The robot restarts in the world hall …")
     finally:
         server.start()
-    expect(banner).to_have_text("Simulated robot")
+    expect(banner).to_contain_text("Simulated robot")
     page.context.set_offline(True)
     expect(banner).to_contain_text("No connection")
 
@@ -202,13 +206,15 @@ def test_banner_says_that_the_robot_restarts_in_another_world(
 def test_active_faults_are_shown_on_every_page(page: Page, robot: FakeRobot) -> None:
     robot.simulated_faults["slip.left"] = 0.5  # by another client
     page.click(".tp-tab-sim")
-    expect(page.locator(".tp-active-faults")).to_have_text("Active faults: left slip (slip.left) 0.5")
+    expect(page.locator(".tp-active-faults")).to_have_text("Active faults: Left wheels: slip (slip.left) 0.5")
     page.locator(".tp-faultrow .q-select", has_text="Fault").click()
-    expect(page.locator(".q-menu .q-item")).to_have_text(["lidar", "left slip (slip.left)"])
-    page.locator(".q-menu >> text=lidar").click()
+    expect(page.locator(".q-menu .q-item")).to_have_text(
+        ["Lidar: plug (lidar)", "Left wheels: slip (slip.left)", "Robot: carried away (robot.carried)"]
+    )
+    page.locator(".q-menu >> text=Lidar: plug").click()
     expect(page.locator(".tp-faultrow .q-select", has_text="Kind")).to_contain_text("unplugged")  # not ok
     page.click("text=Apply fault")
-    active = "Active faults: left slip (slip.left) 0.5, lidar unplugged"
+    active = "Active faults: Left wheels: slip (slip.left) 0.5, Lidar: plug (lidar) unplugged"
     expect(page.locator(".tp-active-faults")).to_have_text(active)
     page.reload()
     page.click(".tp-tab-sim")
@@ -217,6 +223,34 @@ def test_active_faults_are_shown_on_every_page(page: Page, robot: FakeRobot) -> 
     expect(page.locator(".tp-active-faults")).to_have_text("Active faults: none")
     expect(page.get_by_role("button", name="Remove all faults")).to_be_hidden()
     assert robot.simulated_faults == {}
+
+
+def test_only_a_fault_that_lasts_says_how_it_ends(page: Page, robot: FakeRobot) -> None:
+    page.click(".tp-tab-sim")
+    faults = page.locator(".tp-faultrow .q-select", has_text="Fault")
+    hint = page.locator(".tp-hint:visible")
+
+    def choose(title: str) -> None:
+        faults.click()
+        page.get_by_role("option", name=title).click()
+
+    expect(hint).to_have_text("It stays active until you set it to ok.")
+    choose("Left wheels: slip")
+    expect(hint).to_have_text("It stays active until you set it to 0.")
+    choose("Robot: carried away")
+    expect(hint).to_have_count(0)
+    pose = page.get_by_label("x [m], y [m], heading [°]")
+    expect(pose).to_have_attribute("placeholder", "1.0, 0.5, 90")
+    page.click("text=Apply fault")
+    field = page.locator(".tp-faultrow .q-input", has_text="heading")
+    expect(field).to_contain_text("enter three numbers, for example 1.0, 0.5, 90")
+    page.emulate_media(color_scheme="dark")
+    page.wait_for_timeout(500)  # Quasar fades the message
+    assert page.evaluate(POOR) == []
+    pose.fill("1, 2, 90")
+    page.click("text=Apply fault")
+    expect(page.locator(".tp-message:visible")).to_have_text("robot.carried is [1.0, 2.0, 90.0]")
+    expect(field).not_to_contain_text("enter three")
 
 
 def test_trail_is_cleared_by_a_new_map(page: Page, robot: FakeRobot) -> None:

@@ -7,8 +7,8 @@ from typing import Any
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper_hil.bench.bench import Bench
-from thumper_hil.faults.catalogue import FAULTS, Amount, Choice, FaultValue, effect_of
-from thumper_hil.world.world_file import suggested_worlds
+from thumper_hil.faults.catalogue import FAULTS, Amount, Choice, FaultValue, effect_of, title_of
+from thumper_hil.world.world_file import suggested_worlds, world_titles
 
 SMALLEST_PILLAR_M, LARGEST_PILLAR_M = 0.02, 2.0
 FARTHEST_PILLAR_M = 50.0
@@ -25,11 +25,15 @@ class PageControls:
     def describe(self) -> dict[str, Any]:
         """Return the world, all faults with their possible values, the active ones, and the pillars."""
         return {
-            "faults": {name: {**_values(kind), "effect": effect_of(name)} for name, kind in FAULTS.items()},
+            "faults": {
+                name: {**_values(kind), "title": title_of(name), "effect": effect_of(name)}
+                for name, kind in FAULTS.items()
+            },
             "on": dict(self._active),
             "pillars": self._bench.pillars,
             "world": self._bench.world_name,
             "worlds": suggested_worlds(),
+            "titles": world_titles(),
         }
 
     def apply(self, content: Mapping[str, Any]) -> str:
@@ -74,7 +78,8 @@ def _values(kind: object) -> dict[str, Any]:
     if isinstance(kind, Choice):
         return {"choices": list(kind.actions)}
     if isinstance(kind, Amount):
-        return {"most": kind.maximum, "unit": kind.unit}
+        normal = {"normal": kind.normal} if kind.normal is not None and not kind.is_transient else {}
+        return {"most": kind.maximum, "unit": kind.unit, **normal}
     return {"pose": True}  # x_m, y_m, heading_deg
 
 

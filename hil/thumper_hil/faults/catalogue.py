@@ -77,6 +77,14 @@ def effect_of(name: str) -> str:
     return EFFECTS[".".join(part for part in name.split(".") if part not in SIDES)]
 
 
+def title_of(name: str) -> str:
+    """Return a fault's name in words, as "Left encoder: wire A"."""
+    sides = [part for part in name.split(".") if part in SIDES]
+    title = TITLES[".".join(part for part in name.split(".") if part not in SIDES)]
+    text = " ".join([*sides, title])
+    return text[0].upper() + text[1:]
+
+
 def fault_action(name: str, value: object) -> Callable[[Switches], None]:
     """Return the action of a fault on a bench; raise FaultError for an unknown name or invalid value."""
     if name not in FAULTS:
@@ -220,6 +228,34 @@ FAULTS: dict[str, Choice | Amount | PoseFault] = {
     ),
     "robot.carried": PoseFault(),
     "robot.rolled": Amount(apply=_roll, unit="deg", maximum=180.0),
+}
+
+TITLES: dict[str, str] = {  # by name without the side
+    "encoder.a": "encoder: wire A",
+    "encoder.b": "encoder: wire B",
+    "encoder.channels": "encoder: A and B exchanged",
+    "encoder.glitches": "encoder: random pulses",
+    "motor": "motor",
+    "wheels": "wheels: friction",
+    "slip": "wheels: slip",
+    "input.1": "protecting switch at input 1",
+    "input.2": "protecting switch at input 2",
+    "battery.charge": "battery: charge",
+    "battery.resistance": "battery: internal resistance",
+    "adc": "battery: voltage and current not measured",
+    "line.loss": "serial line: lost bytes",
+    "line.noise": "serial line: wrong bits",
+    "host.hang": "host hangs",
+    "firmware": "firmware hangs or resets",
+    "board": "board: plug",
+    "lidar": "lidar: plug",
+    "imu": "IMU: plug",
+    "gps": "GPS: plug",
+    "camera": "camera: plug",
+    "gps.sky": "GPS: view of the sky",
+    "gps.offset": "GPS: offset to the east",
+    "robot.carried": "robot: carried away",
+    "robot.rolled": "robot: rolled to its side",
 }
 
 EFFECTS: dict[str, str] = {  # by name without the side

@@ -21,6 +21,17 @@ from thumper_hil.world.tag_shape import TagShape
 
 WORLDS = Path(__file__).resolve().parent.parent / "worlds"
 
+TITLES = {  # of the built-in worlds, for lists
+    "charging": "Charging dock: the laboratory with a dock at its west wall",
+    "hall": "Hall: empty, 14 x 6 m",
+    "lab": "Laboratory: one room of 4.8 x 3.8 m",
+    "lab_box": "Laboratory with a box in the way",
+    "passage": "Narrow passages: three rooms, two gaps of 0.40 m",
+    "people": "People: a hall of 7 x 4 m, two of them cross it",
+    "ramp": "Ramp: two rooms, 6 % up to the second",
+    "yard": "Yard: 34 x 24 m outdoors, for GPS",
+}
+
 WALL_KEYS = frozenset({"name", "points_m", "closed", "surface"})
 TIME_KEYS = frozenset({"from_s", "until_s"})
 RECTANGLE_KEYS = frozenset({"name", "x_m", "y_m", "length_m", "width_m", "yaw_deg"})
@@ -95,6 +106,11 @@ def world_names() -> list[str]:
 def suggested_worlds() -> list[str]:
     """Return the names that lists and Tab offer: the built-in worlds and the first houses."""
     return [*world_names(), *(f"house-{number}" for number in range(1, 10))]
+
+
+def world_titles() -> dict[str, str]:
+    """Return the titles of the suggested worlds; before a colon stands the short one."""
+    return {name: TITLES.get(name) or f"House {name[6:]}: furnished rooms" for name in suggested_worlds()}
 
 
 def _read(path: Path, parents: tuple[Path, ...]) -> WorldShapes:

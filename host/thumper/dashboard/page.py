@@ -75,7 +75,8 @@ def build_page(options: PageOptions, robot: QueryClient, board_state: Callable[[
     dark = begin_page("uplot/uPlot.min.css", "style.css")
     _header(options, dark)
     with box("tp-banner-row"):
-        box("tp-banner").props(f'id=tp-banner data-kind=lost role=status data-address="{options.address}"')
+        banner = box("tp-banner")
+        banner.props(f'id=tp-banner data-kind=lost role=status data-address="{options.address}"')
     with box("tp-main"):
         with box("tp-left"):
             with box("tp-mapbox"):
@@ -85,7 +86,7 @@ def build_page(options: PageOptions, robot: QueryClient, board_state: Callable[[
             _state_line()
             Widget("charts").classes("tp-wheels")
         with box("tp-right"):
-            _tabs(robot, board_state, injected)
+            _tabs(robot, board_state, injected, banner)
     box("tp-notices").props("id=tp-notices role=alert")
     with button("tp-estop", {"data-estop": ""}, "Emergency stop (Space)"):
         inline("<b>STOP</b><small>Space</small>")
@@ -160,7 +161,7 @@ def _lostbox() -> None:
             _command_button("Search the map", {"kind": "command", "name": "relocalize"}, "tp-plain tp-search")
 
 
-def _tabs(robot: QueryClient, board_state: Callable[[], str], injected: ui.html) -> None:
+def _tabs(robot: QueryClient, board_state: Callable[[], str], injected: ui.html, banner: ui.element) -> None:
     titles = ("Drive", "Map", "Gains", "Tune", "Sim", "Log", "System")
     with ui.tabs().props("dense no-caps inline-label align=justify").classes("tp-tabs") as tabs:
         for title in titles:
@@ -177,7 +178,7 @@ def _tabs(robot: QueryClient, board_state: Callable[[], str], injected: ui.html)
         with ui.tab_panel("tune"):
             Widget("tune").classes("tp-tune")
         with ui.tab_panel("sim"):
-            SimulatorPanel(robot, injected)
+            SimulatorPanel(robot, injected, banner)
         with ui.tab_panel("log"):
             Widget("log").classes("tp-log")
         with ui.tab_panel("system"):

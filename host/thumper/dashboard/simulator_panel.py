@@ -9,25 +9,25 @@ from typing import Any
 from nicegui import ui
 
 from thumper.common.errors import ThumperError
-from thumper.dashboard.guide.robot_file import WORLDS
 from thumper.dashboard.widgets import box, button, inline
 from thumper.ros import services
 from thumper.ros.service import QueryClient
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 5.0)
 POLL_PERIOD_S = 2.0  # the robot may start after the page, and other pages may apply faults
-WORLD_LABELS = {place.partition("&")[0]: label for label, place in WORLDS.items()}
-POSE_HINT = "x, y, heading°"
+POSE_EXAMPLE = "1.0, 0.5, 90"
 
 
 class SimulatorPanel:
     """The panel of one page."""
 
-    def __init__(self, robot: QueryClient, injected: ui.html) -> None:
+    def __init__(self, robot: QueryClient, injected: ui.html, banner: ui.element) -> None:
         """Add the panel to the current NiceGUI container; it queries the simulator once the page is open.
 
-        `injected` shows the active faults beside a fault of the board, which they may explain.
+        `injected` shows the active faults beside a fault of the board, which they may explain; `banner` names
+        the world.
         """
+        self._banner = banner
         self._robot = robot
         self._injected = injected
         self._faults: Mapping[str, Mapping[str, Any]] = {}
@@ -58,7 +58,8 @@ class SimulatorPanel:
             )
             self._choice = ui.select([], label="Kind").props("dense outlined").classes("tp-select")
             self._amount = ui.number(label="Amount").props("dense outlined").classes("tp-select")
-            self._place = ui.input(label="Pose", placeholder=POSE_HINT).props("dense outlined")
+            self._place = ui.input(label="x [m], y [m], heading [°]", placeholder=POSE_EXAMPLE)
+            self._place.props("dense outlined stack-label")
             with button("tp-go").on("click", self._on_apply):
                 ui.html("Apply fault", tag="span", sanitize=False)
         self._effect = ui.html("", tag="p", sanitize=False).classes("tp-hint")
@@ -66,7 +67,6 @@ class SimulatorPanel:
         with button("tp-plain").on("click", partial(self._send, {"clear_faults": True})) as self._clear:
             ui.html("Remove all faults", tag="span", sanitize=False)
         self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
-        inline('<p class="tp-hint">A fault stays active until you set it to ok, or to 0.</p>')
         self._on_fault_selected()
         ui.timer(POLL_PERIOD_S, self._poll, immediate=True)
 
@@ -75,26 +75,37 @@ class SimulatorPanel:
             world = await asyncio.to_thread(services.SIMULATOR_WORLD.call, self._robot)
         except ThumperError:
             return  # no robot yet, or a real one: the tab is hidden
-        self._active.set_content(f"Active faults: {escape(_faults_text(world.on)) or 'none'}")
-        self._injected.set_content(
-            f"Simulated faults: {escape(_faults_text(world.on))} (tab Sim)" if world.on else ""
-        )
+        if not self._faults:
+            self._faults = world.faults
+            names = {name: self._fault_title(name) for name in self._faults}
+            self._name.set_options(names, value=next(iter(names), None))
+        active = escape(", ".join(f"{self._fault_title(name)} {value}" for name, value in world.on.items()))
+        self._active.set_content(f"Active faults: {active or 'none'}")
+        self._injected.set_content(f"Simulated faults: {active} (tab Sim)" if active else "")
+        self._name_world(world.titles.get(world.world, world.world).partition(":")[0])
         self._clear.set_visibility(bool(world.on))
         for speed, choice in self._speeds.items():
             choice.props(f"aria-pressed={str(speed == world.speed).lower()}")
         if world.worlds != list(self._world.options):
-            names = {name: WORLD_LABELS.get(name, name) for name in world.worlds}
+            names = {name: world.titles.get(name, name) for name in world.worlds}
             self._world.set_options(names, value=world.world if world.world in world.worlds else None)
             self._restart.set_visibility(bool(world.worlds))
-        if not self._faults:
-            self._faults = world.faults
-            self._name.set_options(
-                {name: _fault_title(name) for name in self._faults}, value=next(iter(self._faults), None)
-            )
+
+    def _name_world(self, title: str) -> None:
+        """Let `static/readouts.js` show the world in the banner."""
+        if self._banner._props.get("data-world") != title:
+            self._banner._props["data-world"] = title
+            self._banner.update()
+
+    def _fault_title(self, name: str) -> str:
+        """Return a fault's title, and its name at the test bench: "Left encoder: wire A (encoder.left.a)"."""
+        title = self._faults.get(name, {}).get("title")
+        return f"{title} ({name})" if title else name
 
     def _on_fault_selected(self) -> None:
         fault = self._faults.get(str(self._name.value), {})
-        self._effect.set_content(escape(fault.get("effect", "")))
+        self._effect.set_content(escape(f"{fault.get('effect', '')} {_end_of(fault)}".strip()))
+        self._place.error = None
         self._choice.set_visibility("choices" in fault)
         self._amount.set_visibility("most" in fault)
         self._place.set_visibility("pose" in fault)
@@ -110,10 +121,11 @@ class SimulatorPanel:
         value: Any = self._choice.value if "choices" in fault else self._amount.value
         if "pose" in fault:
             try:
-                value = [float(part) for part in str(self._place.value).split(",")]
+                x_m, y_m, heading_deg = (float(part) for part in str(self._place.value).split(","))
             except ValueError:
-                self._show_message(f"enter {POSE_HINT}, for example 1.0, 0.5, 90", good=False)
+                self._place.error = f"enter three numbers, for example {POSE_EXAMPLE}"
                 return
+            value, self._place.error = [x_m, y_m, heading_deg], None
         await self._send({"fault": name, "value": value})
 
     async def _on_world(self) -> None:
@@ -133,14 +145,9 @@ class SimulatorPanel:
         self._message.classes(add="good" if good else "bad", remove="bad" if good else "good")
 
 
-def _faults_text(faults: Mapping[str, Any]) -> str:
-    """Describe the active faults, whoever applied them; empty if there are none."""
-    return ", ".join(f"{_fault_title(name)} {value}" for name, value in faults.items())
-
-
-def _fault_title(name: str) -> str:
-    """Return a fault's name in words and as the test bench has it: "left encoder a (encoder.left.a)"."""
-    first, *rest = name.split(".")
-    if rest and rest[0] in ("left", "right"):
-        first, rest[0] = rest[0], first
-    return f"{' '.join([first, *rest])} ({name})" if rest else name
+def _end_of(fault: Mapping[str, Any]) -> str:
+    """Return how a fault ends; empty if it is a single event, or ends by itself."""
+    normal = "ok" if "ok" in fault.get("choices", ()) else fault.get("normal")
+    return (
+        "" if normal is None else f"It stays active until you set it to {normal if normal == 'ok' else '0'}."
+    )

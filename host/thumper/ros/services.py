@@ -158,6 +158,7 @@ class SimulatorWorld:
     pillars: Annotated[int, "their number"]
     world: Annotated[str, "its name"]
     worlds: Annotated[list[str], "those to choose from; empty if the robot cannot start again"]
+    titles: Annotated[dict[str, str], "of the worlds"]
     speed: Annotated[float, "times real time"]
 
 

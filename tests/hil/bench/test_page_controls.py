@@ -6,9 +6,11 @@ import pytest
 
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
+from thumper.dashboard.guide.robot_file import WORLDS as SETUP_WORLDS
 from thumper_hil.bench.bench import Bench
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.bench.page_controls import PageControls
+from thumper_hil.world.world_file import TITLES, world_names
 
 
 @pytest.fixture
@@ -32,6 +34,16 @@ def test_pillar_is_added_and_removed(bench: Bench) -> None:
     description = controls.describe()
     assert description["pillars"] == 1
     assert all(fault["effect"].endswith(".") for fault in description["faults"].values())
+    titles = [fault["title"] for fault in description["faults"].values()]
+    assert len(set(titles)) == len(titles)
+    assert "Left encoder: wire A" in titles
+    assert set(TITLES) == set(world_names())
+    assert list(description["titles"]) == description["worlds"]
+    for label, place in SETUP_WORLDS.items():  # the setup has the same names
+        assert description["titles"][place.partition("&")[0]] == label
+    lasting = {name for name, fault in description["faults"].items() if "normal" in fault}
+    assert "slip.left" in lasting
+    assert not {"host.hang", "battery.charge", "robot.carried"} & lasting
     controls.apply({"clear_pillars": True})
     assert ahead_m(bench) == before_m
     assert free_m > 1.0

@@ -12,7 +12,7 @@ FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}\.toml")
 WORLDS = {
     "Laboratory: one room of 4.8 x 3.8 m": "lab",
     "Hall: empty, 14 x 6 m": "hall",
-    "House: four rooms, furniture and a person": "house-4&x_m=5.3&y_m=3.3&yaw_deg=90",
+    "House 4: furnished rooms": "house-4&x_m=5.3&y_m=3.3&yaw_deg=90",
 }
 LABORATORY = next(iter(WORLDS))
 FIRST_SPEED_M_S = 0.2

@@ -117,8 +117,8 @@ function formatDuration(seconds) {
 }
 
 // Return the banner's kind and text. `silent_s` is the time since the robot's last message; null before the first.
-// A page without an `address` starts the robot itself.
-function bannerContent({ status, silent_s }, address) {
+// A page without an `address` starts the robot itself; `world` is a simulated robot's.
+function bannerContent({ status, silent_s }, address, world) {
   if (state.packets === 0) return ["lost", "Connecting to the dashboard server …"];
   if (!state.connected) return ["lost", "No connection to the dashboard server. Manual driving stops, a goal goes on."];
   if (isMissing(silent_s)) {
@@ -131,7 +131,7 @@ function bannerContent({ status, silent_s }, address) {
   if (!status) return ["lost", "Waiting for the robot …"];
   if (state.playback) return ["playback", state.banner];
   return status.simulated
-    ? ["simulated", "Simulated robot"]
+    ? ["simulated", world ? `Simulated robot: ${world}` : "Simulated robot"]
     : ["real", "Real robot: it can move at any time"];
 }
 
@@ -144,7 +144,7 @@ function refresh() {
     if (field === "reason" && element.title !== text) element.title = text; // a low screen cuts it
   }
   const banner = document.getElementById("tp-banner");
-  const [kind, usualText] = bannerContent(values, banner?.dataset.address);
+  const [kind, usualText] = bannerContent(values, banner?.dataset.address, banner?.dataset.world);
   if (kind !== "lost") endRestart();
   const text = (kind === "lost" && restartText()) || usualText;
   if (banner && (banner.dataset.kind !== kind || banner.textContent !== text)) {
