@@ -172,7 +172,7 @@ def running_robot_to_saved_map(walk: Guided) -> None:
     walk.done("save", "done")
     walk.picture("9-done")
     assert list(walk.folder.glob("**/first_map.yaml")), "no map was saved"
-    expect(walk.page.locator(".tg-now pre")).to_contain_text("--map recordings/first_map.yaml")
+    expect(walk.page.locator(".tg-now pre")).to_contain_text("--map library/first_map.yaml")
 
 
 def _drive_ahead(walk: Guided) -> None:

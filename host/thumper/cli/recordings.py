@@ -18,7 +18,7 @@ def recover(
 ) -> None:
     """Repair recordings that a crash or a full disk truncated; keep everything up to that point.
 
-    Example: `thumper recover recordings/`
+    Example: `thumper recover library/`
     """
     from thumper.common.errors import EXIT_USAGE, ThumperError
     from thumper.recording.repair import repair_all, unfinished_recordings
@@ -61,7 +61,7 @@ def export(
 ) -> None:
     """Convert a recording to CSV tables, a map file or a picture.
 
-    Example: `thumper export recordings/ --csv tables --png drive.png --animation drive.webp`
+    Example: `thumper export library/ --csv tables --png drive.png --animation drive.webp`
     """
     from thumper.cli.output.folder import prepare_output
     from thumper.common.errors import EXIT_USAGE, ThumperError

@@ -25,7 +25,7 @@ def replay(
 ) -> None:
     """Map a recording again from its wheel and lidar data: the same input gives the same map.
 
-    Example: `thumper replay recordings/ --speed 1 --bus 127.0.0.1:7448`
+    Example: `thumper replay library/ --speed 1 --bus 127.0.0.1:7448`
     """
     from thumper.cli.output.folder import prepare_output
     from thumper.common.geometry import Pose2

@@ -8,10 +8,10 @@ from annotated_types import Ge, Gt
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordingOptions:
-    """Folder of the recordings and their size limits."""
+    """Folder of the library and the size limits of its recordings."""
 
-    # Folder of the recordings, relative to where the program starts.
-    folder: str = "recordings"
+    # Folder of recordings and named maps, the library, relative to where the program starts.
+    folder: str = "library"
     # Start a new file beyond this size [MB]; at most a quarter of the budget.
     file_MB: Annotated[float, Gt(0)] = 512.0
     # Start a new file beyond this age [s].
