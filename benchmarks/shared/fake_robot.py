@@ -198,7 +198,7 @@ class FakeRobot:
             self.annotate(self.annotations.without(content["name"]))
             return {"text": "removed"}
         if name.startswith("library/"):
-            return {"text": f"done: {name}", "maps": [], "recordings": []}
+            return {"text": f"done: {name}", "maps": [], "recordings": [], "in_use": ""}
         return {"mission": 1} if name == "mission/follow" or "place" in content else {}
 
     def _change_simulation(self, content: Mapping[str, Any]) -> str:

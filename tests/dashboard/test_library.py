@@ -7,7 +7,7 @@ import zipfile
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from benchmarks.shared.fake_robot import FakeRobot
@@ -20,6 +20,9 @@ from tests.dashboard.test_page_driving import queries_of
 from thumper.common.errors import ThumperError
 from thumper.dashboard.library import add_library
 from thumper.maps.library import delete_item, list_maps, list_recordings, rename_item
+from thumper.runtime.service.library import map_in_use
+from thumper.slam.localization.amcl import Amcl
+from thumper.slam.mode_switch import SlamModeSwitch
 
 
 class Robot:
@@ -30,7 +33,8 @@ class Robot:
 
     def query(self, name: str, _payload: Mapping[str, Any], *, source: str = "") -> Mapping[str, Any]:
         assert (name, source) == ("library/list", "")
-        return {"ok": True, "maps": list_maps(self.folder), "recordings": list_recordings(self.folder)}
+        maps, recordings = list_maps(self.folder), list_recordings(self.folder)
+        return {"ok": True, "maps": maps, "recordings": recordings, "in_use": ""}
 
 
 class Client:
@@ -159,6 +163,36 @@ def test_the_page_renames_and_deletes(page: Page, robot: FakeRobot) -> None:
     page.click("[aria-label='Delete attic']")
     page.click("[aria-label='Delete attic for good']")
     until(lambda: [ask.content for ask in queries_of(robot, "library/delete")] == [{"name": "attic"}])
+
+
+def test_the_map_in_use_is_named_and_mapping_resumes(page: Page, robot: FakeRobot) -> None:
+    maps = [{"name": name, "MB": 0.1, "saved_s": time.time()} for name in ("flat", "attic")]
+    content: dict[str, Any] = {"maps": maps, "recordings": [], "in_use": ""}
+    page.route("**/library", lambda route: route.fulfill(json=content))
+    page.click(".tp-tab-map")
+    rows = page.locator(".tp-library [data-list=maps] li")
+    expect(rows.get_by_role("button", name="Load the map")).to_have_count(2)
+    content["in_use"] = "flat"
+    robot.event("loaded map 'flat'; the robot searches it for its pose")
+    expect(rows.first).to_contain_text("in use")
+    expect(rows.last).not_to_contain_text("in use")
+    robot.localization = "localized"
+    expect(page.locator(".tp-localization")).to_contain_text("localized")
+    page.click("[aria-label='Resume mapping in the map flat']")
+    until(lambda: {"command": "map_on"} in [query.content for query in queries_of(robot, "command")])
+    content["in_use"] = ""
+    robot.localization = "mapping"
+    expect(rows.get_by_role("button", name="Load the map")).to_have_count(2)
+
+
+def test_the_map_in_use_is_one_of_the_library(tmp_path: Path) -> None:
+    mapper = object.__new__(SlamModeSwitch)
+    mapper.localizer = None
+    assert map_in_use(tmp_path / "flat.yaml", tmp_path, mapper) == ""  # it maps
+    mapper.localizer = cast("Amcl", object())
+    assert map_in_use(tmp_path / "flat.yaml", tmp_path, mapper) == "flat"
+    assert map_in_use(tmp_path / "other" / "flat.yaml", tmp_path, mapper) == ""
+    assert map_in_use(None, tmp_path, mapper) == ""
 
 
 def test_the_page_saves_and_loads_maps(page: Page, robot: FakeRobot) -> None:

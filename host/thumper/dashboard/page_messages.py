@@ -97,6 +97,7 @@ class CommandMessage(_PageMessage):
         "save_map",
         "explore",
         "relocalize",
+        "map_on",
     ]
 
 

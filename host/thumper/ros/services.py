@@ -111,6 +111,7 @@ class LibraryContent:
 
     maps: Annotated[list[dict[str, Any]], "each with `name`, `MB` and `saved_s` (Unix time), newest first"]
     recordings: Annotated[list[dict[str, Any]], "likewise"]
+    in_use: Annotated[str, "the map in which the robot localizes; empty while it maps"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,10 @@ function formatAge(saved_s) {
   return `${Math.floor(age_s / seconds)} ${unit} ago`;
 }
 
+const maps = () => Boolean(state.values.status?.localization?.endsWith("mapping"));
+
 export function library(root) {
+  let inUse = ""; // the map in which the robot localizes
   root.innerHTML = `
     <h2>Saved maps</h2>
     <form class="tp-buttons"><input type="text" maxlength="40" autocomplete="off" aria-label="name of the map" placeholder="name of this map">
@@ -31,14 +34,16 @@ export function library(root) {
   });
   root.querySelector("[data-refresh]").addEventListener("click", refresh);
   on("events", (events) => { // a map was written, a recording has ended
-    if (events.some(({ text }) => /^map saved|^recorded|^renamed|^deleted/.test(text))) refresh();
+    if (events.some(({ text }) => /^map saved|^recorded|^renamed|^deleted|^loaded map/.test(text))) refresh();
   });
 
   let isRecording = Boolean(state.values.status?.recording);
+  let isMapping = maps();
   on("packet", () => { // of the robot: during a playback `status` is the recording's
     const recording = Boolean(state.values.status?.recording);
-    if (recording === isRecording) return;
+    if (recording === isRecording && maps() === isMapping) return;
     isRecording = recording;
+    isMapping = maps();
     refresh();
   });
 
@@ -67,7 +72,10 @@ export function library(root) {
     const age = title.lastChild.appendChild(document.createElement("span"));
     age.dataset.savedS = saved_s;
     age.textContent = formatAge(saved_s);
-    if (isMap) addButton(row, "Load", `Load the map ${name}`, () => send({ kind: "load_map", name }));
+    if (isMap && inUse === name) {
+      title.appendChild(document.createElement("b")).textContent = "in use";
+      addButton(row, "Resume mapping", `Resume mapping in the map ${name}`, () => send({ kind: "command", name: "map_on" }));
+    } else if (isMap) addButton(row, "Load", `Load the map ${name}`, () => send({ kind: "load_map", name }));
     else addButton(row, "Play", `Play ${name}`, () => playRecording(name));
     addButton(row, "Download", `Download ${name}`, () => download(href), "download");
     if (isMap) addButton(row, "Edit", `Edit the map ${name}`, () => editMap(name, refresh), "crop_rotate");
@@ -122,6 +130,7 @@ export function library(root) {
     try {
       const answer = await fetch("/library");
       if (answer.ok) content = await answer.json();
+      inUse = content.in_use ?? "";
     } catch { /* no connection: the banner says so */ }
     for (const [which, path, hint] of [
       ["maps", ({ name }) => `/library/maps/${encodeURIComponent(name)}.zip`, "None yet."],

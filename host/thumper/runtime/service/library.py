@@ -48,7 +48,11 @@ class MapLibrary:
 
     def content(self, _request: Empty, _source: str = "") -> LibraryContent:
         """List what there is."""
-        return LibraryContent(maps=list_maps(self._folder), recordings=list_recordings(self._folder))
+        return LibraryContent(
+            maps=list_maps(self._folder),
+            recordings=list_recordings(self._folder),
+            in_use=map_in_use(self._loaded, self._folder, self._estimator.mapper),
+        )
 
     def save(self, request: NamedMap, _source: str = "") -> Text:
         """Begin to save the current map; raise ThumperError if the name is taken or none."""
@@ -106,3 +110,10 @@ class MapLibrary:
     def _say(self, line: str) -> Text:
         self._publisher.publish_event(line)
         return Text(text=line)
+
+
+def map_in_use(loaded: Path | None, folder: Path, mapper: object) -> str:
+    """Return the map of the library in which the robot localizes; empty while it maps or has another."""
+    if loaded is None or not isinstance(mapper, SlamModeSwitch) or not mapper.is_localizing:
+        return ""
+    return loaded.stem if loaded.resolve() == map_path(folder, loaded.stem).resolve() else ""
