@@ -85,7 +85,7 @@ def test_gains_are_applied_and_refused(page: Page, robot: FakeRobot) -> None:
     number.fill("14.5")
     apply.click()
     until(lambda: robot.parameters["kp"] == 14.5)
-    expect(page.locator(".tp-message")).to_have_text("The board now uses kp 14.5")
+    expect(page.locator(".tp-message")).to_have_text("The board now uses kp 14.5.")
     number.fill("999")  # refused by the page, not sent
     expect(page.locator(".tp-gain:has([data-gain=kp])")).to_contain_text("must be 0 … 60")
     expect(apply).to_be_disabled()

@@ -103,6 +103,7 @@ class Publisher:
         self._was_waiting = False
         self._pose_known_s, self._is_pose_lost = -math.inf, False
         self._localizer: Amcl | None = None
+        self._refused_pose: Pose2 | None = None  # of the localizer, as said last
         self._searches = False  # the localizer is new, and has not found the pose
         self._localization = "mapping"  # as in `Status`
 
@@ -245,7 +246,14 @@ class Publisher:
         """Say when the pose is lost for longer than a few scans, and when it is found, also in a new map."""
         localizer = mapper.localizer if isinstance(mapper, SlamModeSwitch) else None
         if localizer is not self._localizer:
-            self._localizer, self._searches = localizer, localizer is not None
+            self._localizer, self._searches, self._refused_pose = localizer, localizer is not None, None
+        if localizer and localizer.refused_pose is not self._refused_pose:
+            self._refused_pose = localizer.refused_pose
+            pose = state.map_from_base
+            line = (
+                f"the scans contradict the pose that was set; they fit at ({pose.x_m:z.2f}, {pose.y_m:z.2f})"
+            )
+            self.publish_event(line, WARN, name="localization")
         if not state.lost:
             self._pose_known_s = state.time_s
         is_lost = state.time_s > self._pose_known_s + POSE_LOST_S

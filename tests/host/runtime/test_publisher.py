@@ -142,6 +142,17 @@ def test_a_pose_found_at_once_in_a_loaded_map_is_an_event(robot: RobotLoop) -> N
     assert [message.msg for topic, _, message in listener.received if topic == "events"] == ["pose found"]
 
 
+def test_a_pose_that_the_scans_contradict_is_refused_in_words(robot: RobotLoop) -> None:
+    let_time_pass(robot)
+    assert isinstance(robot.mapper, SlamModeSwitch)
+    listener = Listener()
+    robot.publisher.add_sink(listener)
+    robot.mapper.localize_in(robot.mapper.grid(), Pose2(x_m=1.5, theta_rad=2.0))
+    let_time_pass(robot)
+    events = [message.msg for topic, _, message in listener.received if topic == "events"]
+    assert events.count("the scans contradict the pose that was set; they fit at (0.00, 0.00)") == 1
+
+
 def test_map_changes_lead_from_each_map_to_the_next(robot: RobotLoop) -> None:
     listener = Listener()
     robot.publisher.add_sink(listener)

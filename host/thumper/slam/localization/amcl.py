@@ -88,6 +88,7 @@ class Amcl:
         self._map_from_odom = Pose2()
         self._path = array("d")  # x, y, theta of each scan in turn, compact: a robot runs for days
         self.relocalizations = 0
+        self.refused_pose: Pose2 | None = None  # the newest given pose that the scans contradict
         self._particles = ParticleSet(np.zeros((0, 3)), np.zeros(0))
         if map_from_base is None:
             random_poses = self._map.random_poses(self._options.most_particles, self._rng)
@@ -248,6 +249,7 @@ class Amcl:
         hypothesis = likelihood.refine(mean)
         if given is not None and not are_close(hypothesis.pose, given, NEAR_GIVEN_M, NEAR_GIVEN_RAD):
             self._trust = PoseTrust(trusted=False)  # the robot is not where the user put it
+            self.refused_pose = given
         if (alternative := self._alternatives.update(likelihood, moved, hypothesis)) is not None:
             self._adopt(alternative, PoseTrust(trusted=False))  # to be confirmed like a searched one
             hypothesis, share, jumped = alternative, 1.0, True
