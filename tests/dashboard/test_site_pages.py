@@ -19,6 +19,7 @@ SOURCES = [page.relative_to(DOCS).with_suffix("") for page in DOCS.rglob("*.md")
 PAGES = sorted((page.as_posix() for page in SOURCES), reverse=True)
 COMMAND = re.compile(r"(thumper [a-z]|make |pytest |sudo |git |pip |cd |source |\.venv/)")
 CLEAR_PX = 6
+QUIET = "reference/glossary.html"  # the front page keeps a core busy with its robot
 POOR = (Path(__file__).parent / "contrast.js").read_text(encoding="utf-8")
 FENCE = re.compile(r"^ *```.*?^ *```$", re.DOTALL | re.MULTILINE)
 
@@ -150,7 +151,7 @@ def test_search_finds_what_to_do_with_a_lost_robot_without_a_server(browser: Bro
     context = browser.new_context()
     context.set_offline(True)
     page = context.new_page()
-    page.goto((site / "index.html").as_uri())
+    page.goto((site / QUIET).as_uri())
     page.get_by_role("button", name="Search").first.click()
     page.keyboard.type("lost robot", delay=50)
     first = page.locator("a[href*='h=lost']").first
@@ -161,19 +162,22 @@ def test_search_finds_what_to_do_with_a_lost_robot_without_a_server(browser: Bro
 
 @pytest.mark.parametrize(
     ("words", "href"),
-    [
-        ("docking", r"howto/docking\.html"),
-        ("robot does not move", r"howto/troubleshooting\.html.*#the-robot-does-not-move$"),
-        ("lidar not found", r"howto/troubleshooting\.html.*#lidar-not-found$"),
-        ("how do I map a room", r"tutorials/map\.html"),
-        ("battery", r"howto/\w+\.html.*battery"),
-        ("what is a costmap", r"explanation/navigation\.html.*#what-a-costmap-is$"),
-    ],
+    some_of(
+        [
+            ("docking", r"howto/docking\.html"),
+            ("robot does not move", r"howto/troubleshooting\.html.*#the-robot-does-not-move$"),
+            ("lidar not found", r"howto/troubleshooting\.html.*#lidar-not-found$"),
+            ("how do I map a room", r"tutorials/map\.html"),
+            ("battery", r"howto/\w+\.html.*battery"),
+            ("what is a costmap", r"explanation/navigation\.html.*#what-a-costmap-is$"),
+        ],
+        fast=2,
+    ),
 )
 def test_search_puts_guides_before_results(browser: Browser, site: Path, words: str, href: str) -> None:
     context = browser.new_context()
     page = context.new_page()
-    page.goto((site / "index.html").as_uri())
+    page.goto((site / QUIET).as_uri())
     page.get_by_role("button", name="Search").first.click()
     page.keyboard.type(words, delay=50)
     expect(page.locator("a[href*='?h=']").first).to_have_attribute("href", re.compile(href))

@@ -100,6 +100,7 @@ def _random_loops(count: int) -> Iterator[tuple[Plant, float, float]]:
         yield plant, rng.uniform(0.0, 1.2) / model.gain, rng.uniform(0.01, 0.6) / model.gain
 
 
+@pytest.mark.slow
 def test_the_fast_search_agrees_with_python_control_on_random_plants() -> None:
     """Stability is decided alike; Ms is equal where a design may be (up to 3), to 1.5 %."""
     compared = 0

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from tests.variants import some_of
 from thumper.board.options import BoardOptions
 from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarModel, LidarOptions
@@ -17,15 +18,7 @@ from thumper_hil.world.world import World
 
 
 @pytest.mark.parametrize(
-    "model",
-    [
-        "urg04lx",
-        "ld19",
-        *(
-            pytest.param(model, marks=pytest.mark.slow)
-            for model in ("rplidar_a1", "rplidar_a2", "rplidar_c1", "ydlidar_x4")
-        ),
-    ],
+    "model", some_of(["urg04lx", "ld19", "rplidar_a1", "rplidar_a2", "rplidar_c1", "ydlidar_x4"])
 )
 def test_straight_mission_succeeds(model: LidarModel) -> None:
     start = STRAIGHT.start

@@ -20,6 +20,7 @@ def reached_at(goal: Goal) -> np.typing.NDArray[np.float64]:
     return poses[at_goal(poses, goal)]
 
 
+@pytest.mark.slow
 def test_beside_a_wall_only_the_headings_along_it_are_reached() -> None:
     """0.16 m from the wall a robot 0.30 m wide and 0.42 m long stands parallel to it."""
     headings_rad = reached_at(Goal(x_m=0.0, y_m=-0.44, tolerance_m=0.025))[:, 2]
