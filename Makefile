@@ -12,6 +12,8 @@ VENV := .venv
 CONSTRAINTS := constraints.txt
 # Where the sources are public: the link at the top of the site. Empty in a clone of a folder.
 REPOSITORY := $(if $(GITHUB_REPOSITORY),https://github.com/$(GITHUB_REPOSITORY),$(shell git config remote.origin.url | sed -n 's|\.git$$||; /^https:/p'))
+# Where GitHub publishes the site: a link to it that is sent shows a picture.
+PAGES := $(if $(GITHUB_REPOSITORY),https://$(subst /,.github.io/,$(GITHUB_REPOSITORY))/)
 INSTALL = scripts/install-python $(BIN)/python $(CONSTRAINTS:%=--constraint %) --editable
 BIN := $(VENV)/bin
 PACKAGES := gcc-avr avr-libc binutils-avr libsimavr-dev g++ python3-venv
@@ -91,9 +93,9 @@ reference: $(VENV)/.dev
 	$(BIN)/python scripts/draw_badges.py
 
 docs: firmware $(VENV)/.dev
-	@sed '$(if $(REPOSITORY),s|^site_name|repo_url = "$(REPOSITORY)"\n&|)' zensical.toml > .site.toml
+	@sed '$(if $(REPOSITORY),s|^site_name|repo_url = "$(REPOSITORY)"\n&|);$(if $(PAGES),s|^site_description|site_url = "$(PAGES)"\n&|)' zensical.toml > .site.toml
 	@$(BIN)/zensical build --clean --strict --config-file .site.toml
-	@$(BIN)/python scripts/render_formulas.py site
+	@$(BIN)/python scripts/finish_pages.py site
 	@$(BIN)/python scripts/search_weights.py site
 	@scripts/build-browser site $(BIN)/python
 	@echo 'The site is in site/: open site/index.html'

@@ -108,7 +108,7 @@ def _table(command: Any) -> Iterator[str]:
     ]
     rows = [row for row in rows if row.opts[0] not in shared]
     if rows:
-        yield "| argument, option | value | default | |"
+        yield "| argument, option | value | default | effect |"
         yield "|---|---|---|---|"
     for row in rows:
         names = ", ".join(f"`{name}`" for name in (*row.opts, *row.secondary_opts))

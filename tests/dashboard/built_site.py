@@ -17,7 +17,7 @@ def build_pages(folder: Path) -> Path:
         shutil.copytree(ROOT / part, folder / part)
     zensical = Path(sys.executable).with_name("zensical")
     subprocess.run([zensical, "build", "--strict"], cwd=folder, check=True, capture_output=True)
-    for script in ("render_formulas.py", "search_weights.py"):
+    for script in ("finish_pages.py", "search_weights.py"):
         subprocess.run([sys.executable, ROOT / "scripts" / script, folder / "site"], check=True)
     return folder / "site"
 

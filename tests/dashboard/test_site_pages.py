@@ -417,3 +417,14 @@ def test_signs_behind_headings_take_no_line(browser: Browser, pages: Path, name:
     assert page.evaluate(heights) == before
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     page.close()
+
+
+def test_an_option_of_a_command_stays_in_one_line(browser: Browser, pages: Path) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.goto((pages / "tutorials/map.html").as_uri())
+    lines = page.locator("article code .option").evaluate_all(
+        "all => all.map((one) => one.getClientRects().length)"
+    )
+    assert len(lines) > 4
+    assert set(lines) <= {0, 1}
+    page.close()

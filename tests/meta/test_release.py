@@ -47,10 +47,15 @@ def test_release_notes_are_the_section_of_the_version(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("setting", "address"),
-    [("REPOSITORY=", None), ("GITHUB_REPOSITORY=owner/name", "https://github.com/owner/name")],
+    ("setting", "addresses"),
+    [
+        ("REPOSITORY=", (None, None)),
+        ("GITHUB_REPOSITORY=owner/name", ("https://github.com/owner/name", "https://owner.github.io/name/")),
+    ],
 )
-def test_site_links_the_repository_if_it_is_known(tmp_path: Path, setting: str, address: str | None) -> None:
+def test_site_links_the_repository_if_it_is_known(
+    tmp_path: Path, setting: str, addresses: tuple[str | None, str | None]
+) -> None:
     shutil.copy(ROOT / "zensical.toml", tmp_path)
     make = ["make", "--no-print-directory", "--dry-run", setting, "docs"]
     printed = subprocess.check_output(make, cwd=ROOT, text=True)
@@ -58,4 +63,4 @@ def test_site_links_the_repository_if_it_is_known(tmp_path: Path, setting: str, 
     assert build.endswith("--config-file .site.toml")
     subprocess.run(change, shell=True, cwd=tmp_path, check=True)
     project = tomllib.loads((tmp_path / ".site.toml").read_text())["project"]
-    assert project.get("repo_url") == address
+    assert (project.get("repo_url"), project.get("site_url")) == addresses

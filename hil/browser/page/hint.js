@@ -21,6 +21,7 @@ export function hint(simulation, remedy) {
     if (ms - unplugged_off_at_ms < UNPLUGGED_SHOWN_MS) return "Cable unplugged: the motors were off, so nothing stops.";
     for (const part of Object.values(BREAKS)) if (part.hint && part.isBroken(simulation)) return part.hint;
   }
+  if (!link.plugged) return "Cable unplugged: no command reaches the board.";
   if (waits) return "Fault cleared: the robot arms when you drive.";
   return twist ? "You drive it now." : "It drives itself until you do.";
 }

@@ -38,6 +38,7 @@ function start(element) {
   const stop = () => simulation.link.command("E_STOP");
   listen(element, find(".robot-stick"), { drive, stop });
   find("[data-stop]").addEventListener("click", stop);
+  find("[data-restart]").addEventListener("click", () => location.reload());
   focusOnLink(find(".robot-room"));
   const wait = matchMedia("(prefers-reduced-motion: reduce)").matches;
   if (wait) simulation.twist = { v_m_s: 0, w_rad_s: 0 };
