@@ -136,7 +136,7 @@ def _newest_run(folder: Path, report: Callable[[str], None]) -> list[Path]:
     for path in files:
         _check(path)
         runs.setdefault(_metadata(path).get("run"), []).append(path)
-    newest = max(runs.values(), key=lambda run: _start_ns(run[0]))
+    newest = runs[max(runs, key=lambda run: (len(run or ""), run or ""))]  # numbered by the clock: `Recorder`
     if len(runs) > 1:
         report(f"{folder}/ has recordings of {len(runs)} runs; this is the newest: {newest[0].name}")
     return newest
@@ -155,14 +155,6 @@ def _check(path: Path) -> None:
         raise unreadable(path, error) from error
     if not good:
         raise ThumperError(f"{path}: not an MCAP file; is it the right one?", exit_code=EXIT_USAGE)
-
-
-def _start_ns(path: Path) -> int:
-    """Return the time of the first message; 0 if there is none."""
-    with path.open("rb") as stream:
-        return next(
-            (record.log_time for record in records_until_error(stream) if isinstance(record, Message)), 0
-        )
 
 
 def _metadata(path: Path) -> dict[str, str]:

@@ -181,8 +181,8 @@ def test_files_of_two_runs_are_refused(made_up: Path, live: Live) -> None:
 
 
 def test_a_folder_of_two_runs_stands_for_the_newest(made_up: Path, live: Live, tmp_path: Path) -> None:
-    """The newest by its first message: not by the name, nor by the file's time."""
-    runs = {path: next(Recording((path,)).messages()).log_ns for path in (made_up, live[0])}
+    """By when it was started: its messages have simulated times, and a file may be renamed and copied."""
+    runs = {path: int(Recording((path,)).metadata["run"]) for path in (made_up, live[0])}
     oldest, newest = sorted(runs, key=runs.__getitem__)
     (tmp_path / "a.mcap").write_bytes(newest.read_bytes())
     (tmp_path / "b.mcap").write_bytes(oldest.read_bytes())

@@ -152,7 +152,7 @@ export function startCommands() {
       if (text.startsWith("beep at ")) beep();
       noteRestart(text);
       if (text.startsWith("map saved: ")) notify(text, "good");
-      if (/^the (map was not saved|pose was not set): /.test(text)) notify(text, "bad");
+      if (/^the (map was not saved|pose was not set): |^the scans contradict/.test(text)) notify(text, "bad");
       if (EXPLORATION_ENDS.test(text)) {
         removeNotices("exploring");
         notify(text, text.startsWith("not back") ? "bad" : "good");

@@ -47,6 +47,7 @@ OUTSIDE_BELOW = 0.2  # share of beams that contradict the map where the robot ha
 OUTSIDE_MATCHED = 0.3  # share explained from which the walls still in sight correct the odometry there
 PUSHED_GAIN = 0.05  # explained by so much better a pose than by the expected one: the robot was pushed
 CARRIED_ABOVE = 0.2  # share of beams through walls at the pose of a robot that was carried away
+HIDDEN_SCANS = 30  # unexplained in a row at rest, without beams through walls, from which it was carried, too
 MIN_LOG_RATIO, MAX_LOG_RATIO = 1.0, 50.0  # of a pose that contradicts the given one; limit of its odds
 
 
@@ -236,8 +237,10 @@ class Amcl:
         if self._beams < MIN_HITS:
             return self._record(odom_from_base, expected, math.nan, jumped)
         self._challenge.continue_search(likelihood, odom_from_base, expected, moved)
-        is_due = self._is_due(moved) or self._was_moved(likelihood, expected)
-        if not is_due or not self._search_done(likelihood, odom_from_base):
+        is_due = self._is_due(moved)
+        was_moved = not is_due and self._was_moved(likelihood, expected)
+        was_carried = was_moved and self._schedule.carried_scans > 0
+        if not (is_due or was_moved) or not self._search_done(likelihood, odom_from_base):
             return self._record(odom_from_base, expected, math.nan, jumped)
         given = self._given.pop_unverified()
         self._predict(likelihood, odom_from_base, moved, given)
@@ -257,7 +260,9 @@ class Amcl:
         push_m = 0.0 if jumped else hypothesis.pose.distance_m(expected)
         fit = likelihood.fit(hypothesis.pose)
         self._trust.update(fit, share, math.hypot(moved.x_m, moved.y_m), push_m)
-        if (replaced := self._defend(likelihood, odom_from_base, moved, hypothesis)) is not None:
+        fits_badly = was_carried or self._schedule.unexplained >= LOST_AFTER or self._trust.rejected
+        replaced = self._defend(likelihood, odom_from_base, moved, hypothesis, fits_badly=fits_badly)
+        if replaced is not None:
             hypothesis, jumped = replaced, True
             self._accept(hypothesis, odom_from_base)
         return self._record(odom_from_base, hypothesis.pose, hypothesis.explained, jumped)
@@ -279,11 +284,15 @@ class Amcl:
         return PoseHypothesis(pose=expected, explained=matched.explained, log=matched.log) if few else matched
 
     def _defend(
-        self, likelihood: ScanLikelihood, odom_from_base: Pose2, moved: Pose2, own: PoseHypothesis
+        self,
+        likelihood: ScanLikelihood,
+        odom_from_base: Pose2,
+        moved: Pose2,
+        own: PoseHypothesis,
+        *,
+        fits_badly: bool,
     ) -> PoseHypothesis | None:
         """Search the whole map if the pose fits badly; return the place that replaces a proven one."""
-        was_carried = self._schedule.carried_scans >= LOST_AFTER
-        fits_badly = self._schedule.unexplained >= LOST_AFTER or self._trust.rejected or was_carried
         if not self._trust.proven:
             self._challenge.reset()
             self._schedule.search |= fits_badly
@@ -308,8 +317,9 @@ class Amcl:
     def _was_moved(self, likelihood: ScanLikelihood, expected: Pose2) -> bool:
         """Return whether somebody has moved the robot: odometry shows nothing, and the scan no longer fits.
 
-        Another pose nearby fits better (a push, or an encoder that misses a turn), or beams pass through
-        walls (the robot was carried away; people who hide the walls only make beams shorter).
+        Another pose nearby fits better (a push, or an encoder that misses a turn), or the map explains too
+        little for a while: the robot was carried away. Beams through walls show it soon; people who hide the
+        walls only make beams shorter.
         """
         carried_scans, self._schedule.carried_scans = self._schedule.carried_scans, 0
         if self._schedule.search or self._estimate.odom_from_base is None:
@@ -318,9 +328,10 @@ class Amcl:
         explained = float(likelihood.likelihoods(pose, 1.0)[1][0])
         if explained > self._estimate.explained - PUSHED_GAIN:
             return False
-        if explained < self._options.lost_below and likelihood.through_walls(expected) > CARRIED_ABOVE:
+        if explained < self._options.lost_below:
             self._schedule.carried_scans = carried_scans + 1
-            return self._schedule.carried_scans >= LOST_AFTER
+            passes = likelihood.through_walls(expected) > CARRIED_ABOVE
+            return carried_scans + 1 >= (LOST_AFTER if passes else HIDDEN_SCANS)
         return self._trust.proven and likelihood.refine_pose(expected).explained > explained + PUSHED_GAIN
 
     def _search_done(self, likelihood: ScanLikelihood, odom_from_base: Pose2) -> bool:
@@ -422,7 +433,7 @@ class Amcl:
         self._doubt.add(hypothesis.explained)
         poor = hypothesis.explained < self._options.lost_below
         self._schedule.unexplained = self._schedule.unexplained + 1 if poor else 0
-        self._schedule.skipped = 0
+        self._schedule.skipped, self._schedule.carried_scans = 0, 0
 
     def _record(self, odom_from_base: Pose2, pose: Pose2, score: float, jumped: bool) -> MapperUpdate:
         self._map_from_odom = pose @ odom_from_base.inverse()

@@ -34,7 +34,7 @@ class Schedule:
     search: bool  # search the whole map at the next opportunity
     wait_scans: int = 0  # before the next search
     unexplained: int = 0  # consecutive weighed scans below `lost_below`
-    carried_scans: int = 0  # consecutive scans at rest with beams through walls of the map
+    carried_scans: int = 0  # consecutive scans at rest that the map does not explain
     skipped: int = 0  # scans since the newest weighed one
 
     def next_scan(self, trust: PoseTrust) -> None:
