@@ -11,7 +11,7 @@ VENV := .venv
 # The versions of Python's packages: those of constraints.txt; `make CONSTRAINTS= ...` takes the newest.
 CONSTRAINTS := constraints.txt
 # Where the sources are public: the link at the top of the site. Empty in a clone of a folder.
-REPOSITORY := $(if $(GITHUB_REPOSITORY),https://github.com/$(GITHUB_REPOSITORY),$(shell git config remote.origin.url | sed -n 's|\.git$$||; /^https:/p'))
+REPOSITORY = $(if $(GITHUB_REPOSITORY),https://github.com/$(GITHUB_REPOSITORY),$(shell git config remote.origin.url | sed -n 's|\.git$$||; /^https:/p'))
 # Where GitHub publishes the site: a link to it that is sent shows a picture.
 PAGES := $(if $(GITHUB_REPOSITORY),https://$(subst /,.github.io/,$(GITHUB_REPOSITORY))/)
 INSTALL = scripts/install-python $(BIN)/python $(CONSTRAINTS:%=--constraint %) --editable

@@ -33,9 +33,7 @@ def render(notebook: Any, name: str) -> tuple[str, list[bytes]]:
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
             text = re.sub(r"\]\((\w+)\.ipynb\)", r"](\1.md)", cell.source)
-            parts.append(
-                FORMULA.sub(lambda found: mathml(found[1] or found[2], block=bool(found[1])), text) + "\n"
-            )
+            parts.append(FORMULA.sub(_mathml, text) + "\n")
             continue
         code = "\n".join(line for line in cell.source.splitlines() if not line.startswith("%"))
         block = f"```python\n{code.strip()}\n```\n"

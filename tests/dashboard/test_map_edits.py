@@ -143,7 +143,7 @@ def test_the_page_edits_a_map(page: Page, robot: FakeRobot, library: Path) -> No
     page.click(".tp-editor [data-undo]")
     page.wait_for_function(f"{shown}.grids.map.info.rows === 40")
     page.keyboard.press("Escape")  # back to the robot, the edits stay
-    expect(page.locator("#tp-banner")).to_contain_text("Simulated robot")
+    expect(page.locator("#tp-banner")).to_have_text("Simulated robot: Laboratory")
     page.click("[aria-label='Edit the map room']")
     page.locator(".tp-editor select").select_option("crop")
     page.wait_for_function(f"{shown}.tools.tool === 'box'")

@@ -19,7 +19,7 @@ NUMBER = re.compile(r"^-?\d+\.\d\d$")
 
 
 def test_robot_data_is_drawn(page: Page) -> None:
-    expect(page.locator("#tp-banner")).to_contain_text("Simulated robot")
+    expect(page.locator("#tp-banner")).to_have_text("Simulated robot: Laboratory")
     expect(page.locator(".tp-battery [data-field=battery]")).to_have_text("7.62 V")
     page.wait_for_function("document.querySelector('.tp-map').mapView.data.scan.length > 1000")
     points = page.evaluate("Array.from(document.querySelector('.tp-map').mapView.data.scan)")
@@ -192,13 +192,13 @@ def test_banner_says_that_the_robot_restarts_in_another_world(
     banner = page.locator("#tp-banner")
     robot.event("the robot starts again in the world hall, with a new map")
     page.wait_for_function("sessionStorage.getItem('tp-restart')")
-    expect(banner).to_contain_text("Simulated robot")  # it still saves its map
+    expect(banner).to_have_text("Simulated robot: Laboratory")  # it still saves its map
     server.kill()
     try:
         expect(banner).to_have_text("The robot restarts in the world hall …")
     finally:
         server.start()
-    expect(banner).to_contain_text("Simulated robot")
+    expect(banner).to_have_text("Simulated robot: Laboratory")
     page.context.set_offline(True)
     expect(banner).to_contain_text("No connection")
 

@@ -33,7 +33,9 @@ def test_page_reconnects_to_a_restarted_server(page: Page, server: Server, robot
         expect(page.locator(name)).to_have_css("opacity", "0.45")  # not live
     expect(page.locator("[data-field=rtt]").first).to_have_text("\u2013")
     server.start()
-    page.wait_for_function("document.querySelector('#tp-banner')?.textContent.startsWith('Simulated robot')")
+    page.wait_for_function(
+        "document.querySelector('#tp-banner')?.textContent === 'Simulated robot: Laboratory'"
+    )
     # The page may be reloading at this moment: press stop until the page reports it.
 
     def pressed_and_said() -> bool:
@@ -91,7 +93,7 @@ def test_page_reconnects_to_a_restarted_robot(browser: Browser, tmp_path: Path) 
             expect(page.get_by_role("button", name=name).first).to_be_disabled()
         for _ in range(2):
             robot = FakeRobot(address=address)
-            expect(banner).to_contain_text("Simulated robot")
+            expect(banner).to_have_text("Simulated robot: Laboratory")
             expect(page.get_by_role("button", name="Explore")).to_be_enabled()
             page.click(".tp-estop")
             until(partial(robot.received_of, EmergencyStop))

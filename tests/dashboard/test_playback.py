@@ -119,7 +119,7 @@ def test_a_recording_plays_and_the_page_returns_to_the_robot(
     page.wait_for_function(f"{POSE}?.[0] > 0.975")  # the end
     expect(page.locator("[data-play]")).to_have_text("Play")
     page.keyboard.press("Escape")
-    expect(page.locator("#tp-banner")).to_contain_text("Simulated robot")
+    expect(page.locator("#tp-banner")).to_have_text("Simulated robot: Laboratory")
     expect(page.locator(".tp-playback")).to_be_hidden()
     page.wait_for_function(f"{POSE}?.[1] > 0.5")
     page.wait_for_function("document.querySelector('.tp-map').mapView.grids.map.info.columns === 100")
@@ -146,6 +146,6 @@ def test_the_end_of_a_playback_finds_no_pose(page: Page, robot: FakeRobot, libra
 def test_any_command_ends_a_playback(page: Page, robot: FakeRobot, library: Path) -> None:
     open_playback(page, library)
     page.keyboard.press("Space")
-    expect(page.locator("#tp-banner")).to_contain_text("Simulated robot")
+    expect(page.locator("#tp-banner")).to_have_text("Simulated robot: Laboratory")
     until(lambda: robot.fault)
     expect(page.locator(".tp-fault")).to_be_visible()

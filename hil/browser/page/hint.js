@@ -8,7 +8,8 @@ const DRIVE_OFF = touch ? "Push the stick forward." : "Drive off with W.";
 
 /** Return the line's first sentences; `remedy` is the text of the button that clears a fault, empty without one. */
 export function hint(simulation, remedy) {
-  const { twist, waits, ms, slipped_at_ms, slipped_backwards, unplugged_off_at_ms, link, newest } = simulation;
+  const { twist, waits, ms, slipped_at_ms, slipped_backwards, unplugged_off_at_ms, link, newest, repaired } = simulation;
+  if (remedy && repaired) return "Repaired. The board clears the fault once its readings are good.";
   if (remedy) return `The firmware stopped the motors. Press \u201c${remedy}\u201d, then drive on.`;
   if (!link.plugged && newest?.state === "CLOSED_LOOP") {
     return "Cable unplugged: without commands the firmware stops the motors after 0.3 s.";

@@ -92,14 +92,13 @@ function showState(find, simulation, rate) {
   find(".robot-fault").hidden = !broken;
   find("[data-chip=state]").dataset.fault = broken || !link.plugged;
   const remedy = !broken ? "" : newest.fault === "E_STOP" ? "Clear the fault" : "Repair and clear the fault";
-  const clears = broken && simulation.repaired;
-  text("[data-hint]", clears ? "Repaired. The board clears the fault once its readings are good." : hint(simulation, remedy));
+  text("[data-hint]", hint(simulation, remedy));
   find("[data-how]").hidden = broken;
   if (!broken) return;
   text(".robot-fault b", faults[newest.fault].name);
   text(".robot-fault span", faults[newest.fault].hint);
-  text(".robot-fault button", clears ? "Clearing\u2026" : remedy);
-  find(".robot-fault button").disabled = clears;
+  text(".robot-fault button", simulation.repaired ? "Clearing\u2026" : remedy);
+  find(".robot-fault button").disabled = simulation.repaired;
 }
 
 start(document.getElementById("robot"));

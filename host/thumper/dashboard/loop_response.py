@@ -7,6 +7,7 @@ over a tick, measured as the mean speed of a tick: y[k+1] = a y[k] + c0 u[k] + c
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -35,6 +36,7 @@ class LoopResponse:
     sensitivity_peak: float  # Ms, the greatest |1 / (1 + L)|
 
 
+@lru_cache(maxsize=8)  # one move of a slider asks twice for some gains, and always for those of the board
 def loop_response(*, kp: float, ki: float, kv: float, ka: float, period_s: float = PERIOD_S) -> LoopResponse:
     """Return the response with these gains of the board, in their units; kv and ka must be positive."""
     c0, c1, a = _counted_plant(1.0 / kv, ka / kv, period_s)

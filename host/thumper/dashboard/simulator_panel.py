@@ -93,9 +93,8 @@ class SimulatorPanel:
 
     def _name_world(self, title: str) -> None:
         """Let `static/readouts.js` show the world in the banner."""
-        if self._banner._props.get("data-world") != title:
-            self._banner._props["data-world"] = title
-            self._banner.update()
+        if self._banner.props.get("data-world") != title:
+            self._banner.props["data-world"] = title
 
     def _fault_title(self, name: str) -> str:
         """Return a fault's title, and its name at the test bench: "Left encoder: wire A (encoder.left.a)"."""
@@ -148,6 +147,6 @@ class SimulatorPanel:
 def _end_of(fault: Mapping[str, Any]) -> str:
     """Return how a fault ends; empty if it is a single event, or ends by itself."""
     normal = "ok" if "ok" in fault.get("choices", ()) else fault.get("normal")
-    return (
-        "" if normal is None else f"It stays active until you set it to {normal if normal == 'ok' else '0'}."
-    )
+    if normal is None:
+        return ""
+    return f"It stays active until you set it to {normal if normal == 'ok' else format(normal, 'g')}."

@@ -14,6 +14,7 @@ from thumper.common.kinematics import WheelSpeeds
 from thumper_hil.bench import simulation
 from thumper_hil.chip.robot_params import RobotParams
 from thumper_hil.effects.friction import TOO_MUCH, floor_friction, floors, scrub_moment_Nm, traction_Nm
+from thumper_hil.effects.preset import PRESETS
 
 TRACK_M, RADIUS_M = 0.3675, 0.062
 
@@ -39,7 +40,7 @@ def turn_on(floor: str, preset: str, seed: int, speed_rad_s: float) -> tuple[flo
     return turned_rad, Fault(fault)
 
 
-@pytest.mark.parametrize("preset", some_of(["hard", "nominal"]))
+@pytest.mark.parametrize("preset", some_of(sorted(PRESETS)))
 @pytest.mark.parametrize("floor", sorted(floors().keys() - {"stand"} - TOO_MUCH))
 def test_the_robot_turns_a_full_circle(floor: str, preset: str) -> None:
     for seed, speed_rad_s in ((1, 0.6), (2, 1.5)):
