@@ -277,9 +277,11 @@ def test_every_axis_has_two_labels_after_a_reversal(page: Page) -> None:
         counts = page.evaluate(
             """() => {
               const charts = document.querySelector('.tp-wheels').charts;
+              charts.frozen = false;
               const last_s = charts.rows.at(-1)[0];
               const row = (k) => [last_s + 0.1 * k, ...Array(10).fill(8.4 * Math.cos(k))];
               charts.append(Array.from({ length: 50 }, (_, k) => row(k)));
+              charts.frozen = true; // a row from the robot, earlier than these, would empty the charts
               charts.plots.forEach(({ chart }) => chart.redraw());
               return new Promise((done) => requestAnimationFrame(() => done(
                 charts.plots.map(({ chart }) => chart.axes[1]._values.length))));
@@ -295,6 +297,7 @@ def test_both_sides_have_the_same_scale(page: Page) -> None:
           const charts = document.querySelector('.tp-wheels').charts;
           const last_s = charts.rows.at(-1)[0];
           charts.append([[last_s + 0.1, 1, 1, 50, 0, 0, 9, 8, 200, 0, 0]]);
+          charts.frozen = true; // a row from the robot, earlier than this one, would empty the charts
           return new Promise((done) => requestAnimationFrame(() => done(
             charts.plots.map(({ chart }) => [chart.scales.y.min, chart.scales.y.max]))));
         }"""

@@ -45,7 +45,8 @@ def steps(markdown: str) -> list[str]:
         if kind == "toml":
             found.append("\n".join(lines) + "\n")
         else:
-            found += [line.removeprefix("$ ") for line in lines if kind == "sh" or line.startswith("$ ")]
+            commands = [line.removeprefix("$ ") for line in lines if kind == "sh" or line.startswith("$ ")]
+            found += [command for command in commands if not command.startswith("#")]
     return found
 
 
@@ -231,7 +232,7 @@ def follow(walk: Walk, *, with_setup: bool) -> None:
     """Do what the page says up to the first motion on the floor, and check each step."""
     _, terminal = (walk.repository / PAGE).read_text(encoding="utf-8").split("same in the terminal.")
     todo = steps(terminal)
-    demo, _, doctor, config, flash, spin, run, teleop, first = todo[:9]
+    _clone, demo, _activate, doctor, config, flash, spin, run, teleop, first = todo[:10]
     if with_setup:
         walk.run(f"{demo} -C {walk.repository}")
     assert "udev" in walk.run(doctor)
