@@ -34,7 +34,7 @@ def test_a_robot_that_serves_saves_its_map_at_ctrl_c(tmp_path: Path) -> None:
     command = [str(THUMPER), "run", *SIM, "--bus", f"127.0.0.1:{free_port()}", "--out", str(tmp_path)]
     process = subprocess.Popen([*END_WITH_PARENT, *command], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    assert "is running" in process.stdout.readline()
+    assert "It serves `thumper goto`" in process.stdout.readline()
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(3.0)
     another = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)

@@ -178,15 +178,19 @@ def _serve_in_one_world(options: "RunOptions", speed: float, console: "Console")
 
     settings = options.load_settings()
     with opened_robot(options, settings, serving=True) as robot:
-        console.print(f"{settings.name} is running on {settings.bus.address}. Press Ctrl-C to stop.")
+        console.print(
+            f"{settings.name} is running on {settings.bus.address}. It serves `thumper goto`, `thumper teleop` and"
+            " the dashboard. Press Ctrl-C to stop.",
+            soft_wrap=True,
+        )
         robot.publisher.add_sink(print_problems)
         simulation = robot.request_handler.simulation
         simulation.can_restart = True
         is_stopped = robot.serve(speed=speed)
         files = save_map_and_session(robot, options.out)
         print_warnings(robot, console)
-    saved = f"; {', '.join(files)} are in {options.out}/" if files else ""
-    console.print(f"{'stopped' if is_stopped else UNCONFIRMED}{saved}", soft_wrap=True)
+    saved = f"{', '.join(files)} are in {options.out}/" if files else "there was no map to save"
+    console.print(f"{'stopped' if is_stopped else UNCONFIRMED}; {saved}", soft_wrap=True)
     return simulation.next_world
 
 
