@@ -33,6 +33,7 @@ PAGE = Path("docs/tutorials/build.md")
 SIMULATOR = Path(__file__).with_name("recorded_sim.py")
 LIMIT_S = 600.0  # from a clean clone to the first motion on the floor
 STILL_RAD_S = 0.2
+CABLE_S = 3.0  # without the cable; the board waits 0.3 s for a command
 PORTS = {"/dev/ttyUSB0": "board", "/dev/ttyACM0": "lidar"}
 FENCE = re.compile(r"^ *```(sh|console|toml)\n(.*?)^ *```$", re.DOTALL | re.MULTILINE)
 
@@ -140,7 +141,10 @@ class Walk:
         rows.append(np.load(truth))
 
     def stop_test(self, run: str, teleop: str) -> str:
-        """Arm, drive, release, drive, stop and clear, as step 5 says; return the status after the stop."""
+        """Arm, drive, release, drive, stop, clear and lose the cable, as step 5 says.
+
+        Returns the status after the stop. A process that is halted sends as little as a cable that is pulled.
+        """
         robot = self._start(run, stdout=subprocess.PIPE)
         ours, theirs = pty.openpty()
         keyboard = Keyboard(ours)
@@ -171,7 +175,13 @@ class Walk:
             hold(b" ", "FAULT", Fault.E_STOP)
             status = self.run(f"thumper status --config {self._config}")
             hold(b"c", "DISARMED")
+            hold(b"r", "CLOSED_LOOP")
+            hold(b"i", "MANUAL")
+            time.sleep(0.5)
+            robot.send_signal(signal.SIGSTOP)
+            time.sleep(CABLE_S)
             keyboard.held = b"q"
+            robot.send_signal(signal.SIGCONT)
             until(lambda: keys.poll() is not None)
         finally:
             self._ending.close()
@@ -210,15 +220,16 @@ class Walk:
         )
 
 
-def stops(truth: FloatArray) -> list[tuple[float, float]]:
-    """Return of each motion of the wheels its top speed [rad/s], and the time to stop from it [s]."""
+def stops(truth: FloatArray) -> list[tuple[float, float, float]]:
+    """Return of each motion of the wheels its top speed [rad/s], its time and the time to stop [s]."""
     time_s, speed = truth[:, 0], np.abs(truth[:, 4:6]).max(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], speed > STILL_RAD_S, [0]))))
     found = []
     for begin, end in edges.reshape(-1, 2):
         top = float(speed[begin:end].max())
         last_fast = begin + np.flatnonzero(speed[begin:end] > 0.8 * top)[-1]
-        found.append((top, float(time_s[end - 1] - time_s[last_fast])))
+        stop_s = time_s[end - 1] - time_s[last_fast]
+        found.append((top, float(time_s[end - 1] - time_s[begin]), float(stop_s)))
     return found
 
 
@@ -246,14 +257,17 @@ def follow(walk: Walk, *, with_setup: bool) -> None:
             assert re.search(rf"pass .*{side} motor forward: {side} encoder \+\d\d", report), report
         assert "emergency stop was pressed" in walk.stop_test(run, teleop)
     motions = stops(stand[0])
-    assert len(motions) >= 4, motions  # each side in the check, and twice by keyboard
-    assert motions[-1][0] > 2.0, motions
-    assert motions[-1][1] < 0.5, motions  # the emergency stop
+    assert len(motions) >= 5, motions  # each side in the check, and three times by keyboard
+    (stopped_from, _, stop_s), (cut_from, cut_s, _) = motions[-2:]  # the emergency stop, and the pulled cable
+    assert min(stopped_from, cut_from) > 2.0, motions
+    assert stop_s < 0.5, motions
+    assert cut_s < CABLE_S, motions
     with walk.robot("wood") as floor:
         assert "reached: at the goal" in walk.run(first)
     speed_m_s = top_speed_m_s(floor[0])
     away_m = float(np.hypot(*(floor[0][-1, 1:3] - floor[0][0, 1:3])))
-    print(f"on the floor: {speed_m_s:.3f} m/s at most, {away_m:.2f} m; stop in {motions[-1][1]:.2f} s")
+    print(f"on the floor: {speed_m_s:.3f} m/s at most, {away_m:.2f} m")
+    print(f"wheels at rest {stop_s:.2f} s after the emergency stop; without a cable they stopped")
     assert 0.17 < speed_m_s < 0.23
     assert 0.4 < away_m < 0.6
     took_s = walk.took_s[-1][1]
