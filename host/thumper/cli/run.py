@@ -179,8 +179,8 @@ def _serve_in_one_world(options: "RunOptions", speed: float, console: "Console")
     settings = options.load_settings()
     with opened_robot(options, settings, serving=True) as robot:
         console.print(
-            f"{settings.name} is running on {settings.bus.address}. It serves `thumper goto`, `thumper teleop` and"
-            " the dashboard. Press Ctrl-C to stop.",
+            f"{settings.name} is running on {settings.bus.address}. "
+            "It serves `thumper goto`, `thumper teleop` and the dashboard. Press Ctrl-C to stop.",
             soft_wrap=True,
         )
         robot.publisher.add_sink(print_problems)
