@@ -190,14 +190,16 @@ def test_banner_says_that_the_robot_restarts_in_another_world(
     page: Page, robot: FakeRobot, server: Server
 ) -> None:
     banner = page.locator("#tp-banner")
-    robot.event("the robot starts again in the world hall, with a new map")
+    robot.event("the robot starts again in the world Hall, with a new map")
     page.wait_for_function("sessionStorage.getItem('tp-restart')")
     expect(banner).to_have_text("Simulated robot: Laboratory")  # it still saves its map
+    page.evaluate("window.isBeforeRestart = true")
     server.kill()
     try:
-        expect(banner).to_have_text("The robot restarts in the world hall …")
+        expect(banner).to_have_text("The robot restarts in the world Hall …")
     finally:
         server.start()
+    page.wait_for_function("!window.isBeforeRestart")  # loaded again: offline, it could not
     expect(banner).to_have_text("Simulated robot: Laboratory")
     page.context.set_offline(True)
     expect(banner).to_contain_text("No connection")

@@ -19,6 +19,7 @@ POOR = (Path(__file__).parent / "contrast.js").read_text(encoding="utf-8")
 
 DESK: ViewportSize = {"width": 1440, "height": 900}
 PHONE: ViewportSize = {"width": 390, "height": 844}
+TABLET: ViewportSize = {"width": 1024, "height": 768}
 
 
 @pytest.mark.parametrize(
@@ -28,6 +29,8 @@ PHONE: ViewportSize = {"width": 390, "height": 844}
         pytest.param("dark", PHONE, id="dark, phone"),
         pytest.param("dark", DESK, id="dark, screen", marks=pytest.mark.slow),
         pytest.param("light", PHONE, id="light, phone", marks=pytest.mark.slow),
+        pytest.param("light", TABLET, id="light, tablet"),
+        pytest.param("dark", TABLET, id="dark, tablet"),
     ],
 )
 def test_all_text_can_be_read(

@@ -7,9 +7,12 @@ from pathlib import Path
 
 import pytest
 from benchmarks.shared.browser import CHROMIUM, FLAGS
-from playwright.sync_api import expect, sync_playwright
+from playwright.sync_api import Page, ViewportSize, expect, sync_playwright
 
 from tests.e2e.first_run import PHONE, Guided
+
+POOR = (Path(__file__).parents[1] / "dashboard" / "contrast.js").read_text(encoding="utf-8")
+TABLET: ViewportSize = {"width": 1024, "height": 768}
 
 
 def test_bare_board_is_flashed_and_stop_ends_the_wheel_check(tmp_path: Path) -> None:
@@ -27,6 +30,19 @@ def in_own_thread(work: Callable[[Path], None], folder: Path) -> None:
         pytest.skip(f"{CHROMIUM} is not there; `make test` installs it")
     with ThreadPoolExecutor(1) as thread:
         thread.submit(work, folder).result()
+
+
+def check_contrast(page: Page) -> None:
+    """Check the step that is shown in both themes, at 1024 px and on the phone, which stays."""
+    for screen in (TABLET, PHONE):
+        page.set_viewport_size(screen)
+        for theme in ("dark", "light"):
+            page.emulate_media(color_scheme=theme)
+            page.wait_for_function(
+                f"document.body.classList.contains('body--dark') === {str(theme == 'dark').lower()}"
+            )
+            page.wait_for_timeout(400)  # Quasar fades its fields
+            assert page.evaluate(POOR) == [], (screen, theme)
 
 
 def open_last_steps(tmp_path: Path) -> None:
@@ -57,6 +73,7 @@ def follow(tmp_path: Path) -> None:
             expect(page).to_have_url(re.compile("/setup$"))  # the dashboard has no robot to show yet
             banner = page.locator("#tp-banner")  # the page has a connection for STOP
             expect(banner).to_have_text("No robot is running yet: step 4 starts it.")
+            check_contrast(page)
             page.get_by_label("World of a simulated robot").click()
             page.get_by_role("option", name="House").click()
             walk.click("Simulated robot")
@@ -73,6 +90,7 @@ def follow(tmp_path: Path) -> None:
             page.locator(".tp-estop").dispatch_event("pointerdown")
             expect(page.locator(".tg-outcome.tg-fail")).to_have_text("stopped: the wheels are not checked")
             expect(page.get_by_role("button", name="Turn the wheels")).to_be_enabled()
+            check_contrast(page)
         browser.close()
     assert not problems
     assert 'port = "sim://setup/board?world=house-4&' in (tmp_path / "robot.toml").read_text()

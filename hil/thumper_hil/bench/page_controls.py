@@ -44,7 +44,7 @@ class PageControls:
                 self._active.pop(name, None)
                 if FAULTS[name].persists(value):
                     self._active[name] = value
-                return f"fault {name}: {value}"
+                return f"{title_of(name)}: {value}"
             case {"pillar": dict(pillar), **rest} if not rest and set(pillar) == {"x_m", "y_m", "radius_m"}:
                 x_m, y_m, radius_m = (_number(pillar[name]) for name in ("x_m", "y_m", "radius_m"))
                 if not SMALLEST_PILLAR_M <= radius_m <= LARGEST_PILLAR_M:

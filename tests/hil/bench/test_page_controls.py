@@ -7,6 +7,7 @@ import pytest
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
 from thumper.dashboard.guide.robot_file import WORLDS as SETUP_WORLDS
+from thumper.runtime.service.simulator_control import SimulatorControl
 from thumper_hil.bench.bench import Bench
 from thumper_hil.bench.options import BenchOptions
 from thumper_hil.bench.page_controls import PageControls
@@ -58,7 +59,7 @@ def test_pillar_that_overlaps_the_robot_is_refused(bench: Bench) -> None:
 def test_fault_is_set_and_cleared(bench: Bench) -> None:
     controls = PageControls(bench)
     assert controls.describe()["faults"]["lidar"]["choices"] == ["ok", "unplugged"]
-    controls.apply({"fault": "lidar", "value": "unplugged"})
+    assert controls.apply({"fault": "lidar", "value": "unplugged"}) == "Lidar: plug: unplugged"
     assert not bench.is_plugged("lidar")
     controls.apply({"fault": "lidar", "value": "ok"})
     assert bench.is_plugged("lidar")
@@ -124,3 +125,10 @@ def test_invalid_command_is_refused(bench: Bench, content: dict[str, Any]) -> No
     with pytest.raises(ThumperError):
         PageControls(bench).apply(content)
     assert bench.pillars == 0
+
+
+def test_a_restart_names_the_world_by_its_title(bench: Bench) -> None:
+    control = SimulatorControl(PageControls(bench))
+    control.can_restart = True
+    assert control.apply({"world": "lab"}) == "the robot starts again in the world Laboratory, with a new map"
+    assert control.next_world == "lab"

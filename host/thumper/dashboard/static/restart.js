@@ -3,7 +3,7 @@
 
 const NOTE = "tp-restart";
 const LONGEST_MS = 60000;
-const RESTARTS = /^the robot starts again in the world (\S+),/;
+const RESTARTS = /^the robot starts again in the world (.+), with a new map$/;
 
 export function noteRestart(eventText) {
   const world = RESTARTS.exec(eventText)?.[1];

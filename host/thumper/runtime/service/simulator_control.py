@@ -62,13 +62,15 @@ class SimulatorControl:
         return self._simulator.apply(content)
 
     def _change_world(self, world: object) -> str:
-        worlds = self.describe().worlds
+        description = self.describe()
+        worlds = description.worlds
         if not worlds:
             raise ThumperError("only `thumper run` without a goal has a world to choose")
         if world not in worlds:
             raise ThumperError(f"unknown world {world!r}; choose from: {', '.join(worlds)}")
         self.next_world = str(world)
-        return f"the robot starts again in the world {world}, with a new map"
+        title = description.titles.get(self.next_world, self.next_world).partition(":")[0]
+        return f"the robot starts again in the world {title}, with a new map"
 
     def _change_speed(self, speed: object) -> str:
         if (
