@@ -232,6 +232,8 @@ class Amcl:
             self._prior, self._excluded = NO_PRIOR, ""
         moved = self._estimate.motion(odom_from_base)
         expected = self._estimate.pose @ moved
+        if self._given.unverified is not None and self._map_search.is_running:
+            expected = self._given.unverified @ self._map_search.moved(odom_from_base)
         jumped = self._estimate.odom_from_base is None or self._schedule.search
         self._schedule.next_scan(self._trust)
         if self._beams < MIN_HITS:
