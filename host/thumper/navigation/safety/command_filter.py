@@ -33,6 +33,7 @@ GIVING_WAY_S, PRIORITY_S = 6.0, 60.0
 # After so long of waiting, something that moves but has no track, such as a curtain, is an obstacle like any
 # other for so long.
 WAITING_S, UNHEEDED_S = 6.0, 6.0
+WALKING_MARGIN_M = 0.06  # more room for points on who walks: a foot is put down further on
 BEHIND_M = 0.3  # to give way backward, the robot must see so far
 
 
@@ -86,7 +87,10 @@ class CommandFilter:
         found = self._dynamic_obstacles
         self._tracks.update(cycle.time_s, lidar, found.small, found.moving)
         self._costmap = model.costmap
-        self._obstacles = model.obstacles.in_base(cycle.map_from_base)
+        obstacles = model.obstacles
+        walk = self._tracks.are_near(obstacles.points_m) if self._gives_way else np.False_
+        error_m = obstacles.position_error_m + WALKING_MARGIN_M * walk
+        self._obstacles = obstacles._replace(position_error_m=error_m).in_base(cycle.map_from_base)
 
     def are_walking(self, points_m: FloatArray) -> NDArray[np.bool_]:
         """Return which points, shape (n, 2) in map, are on people who walk; none if the robot gives no way.

@@ -20,6 +20,7 @@ from thumper.navigation.safety.command_filter import (
     GIVING_WAY_S,
     PRIORITY_S,
     WAITING_S,
+    WALKING_MARGIN_M,
     CommandFilter,
     FilteredCommand,
 )
@@ -296,3 +297,16 @@ def test_dynamic_obstacles_are_forgotten_when_the_map_jumps(*, jumped: bool) -> 
     checked.filter.update(cycle, model)
     assert calls == (["forget", "update"] if jumped else ["update"])
     assert checked.filter._obstacles.points_m[0] == pytest.approx((0.5, 0.0))
+
+
+@pytest.mark.parametrize(("ahead_s", "margin_m"), [(2.0, WALKING_MARGIN_M), (0.0, 0.0)])
+def test_robot_keeps_more_room_to_who_walks(ahead_s: float, margin_m: float) -> None:
+    checked = Filter(ahead_s)
+    vars(checked.filter._tracks)["are_near"] = lambda points_m: points_m[:, 0] < 1.0
+    points_m = np.array(((0.5, 0.0), (1.5, 0.0)))
+    model: Any = SimpleNamespace(
+        jumped=False, hits_m=NONE, obstacles=ObstaclePoints(points_m, np.full(2, 0.01), 2), costmap=None
+    )
+    cycle: Any = SimpleNamespace(time_s=0.0, scan_pose=Pose2(), map_from_base=Pose2())
+    checked.filter.update(cycle, model)
+    assert checked.filter._obstacles.position_error_m == pytest.approx([0.01 + margin_m, 0.01])
