@@ -46,6 +46,13 @@ def named_in(navigation: list[object]) -> Iterator[tuple[str, str]]:
                 yield from named_in(target)
 
 
+def test_moving_pictures_load_fast() -> None:
+    sizes = {path.name: path.stat().st_size for path in (ROOT / "docs/images").glob("*.webp")}
+    assert "explore.webp" in sizes
+    assert max(sizes.values()) <= 3_000_000, sizes
+    assert sizes["explore.webp"] == pytest.approx(1.1e6, abs=0.05e6)  # as docs/howto/recording.md says
+
+
 def test_every_page_is_reachable() -> None:
     settings = tomllib.loads((ROOT / "zensical.toml").read_text(encoding="utf-8"))
     reached = {ROOT / "docs" / name for _, name in named_in(settings["project"]["nav"])}
