@@ -23,7 +23,13 @@ from thumper.config.robot import load_config
 from thumper.dashboard.guide import guide as guide_module
 from thumper.dashboard.guide.command import StepCommand
 from thumper.dashboard.guide.guide import NO_BETTER, Guide, Step, judge_check, progress_text
-from thumper.dashboard.guide.robot_file import WORLDS, Ports, simulated_ports, write_robot_file
+from thumper.dashboard.guide.robot_file import (
+    WORLDS,
+    Ports,
+    free_name,
+    simulated_ports,
+    write_robot_file,
+)
 from thumper.dashboard.guide.robot_watch import RobotWatch
 from thumper.dashboard.guide.step_controls import LANE_M
 from thumper.dashboard.page_commands import PageCommands, TeleopLimits
@@ -70,6 +76,26 @@ def test_a_configuration_that_exists_stays(tmp_path: Path) -> None:
     with pytest.raises(ThumperError, match=r"stays as it is; .*`thumper setup --config robot.toml"):
         write_robot_file(tmp_path, "robot.toml", REAL)
     assert (tmp_path / "robot.toml").read_text() == "mine"
+
+
+def test_a_configuration_that_exists_is_used_or_a_new_name_is_proposed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert free_name(tmp_path) == "robot.toml"
+    before = write_robot_file(tmp_path, "robot.toml", REAL).read_text()
+    assert free_name(tmp_path) == "robot_2.toml"
+    guide = Guide("127.0.0.1:1")
+    in_own_loop(guide.use_file(Path("robot.toml")))
+    assert guide.step is Step.FLASH
+    assert guide.ports is not None
+    assert (guide.config, guide.ports.board) == (Path("robot.toml"), REAL.board)
+    assert [path.name for path in tmp_path.iterdir()] == ["robot.toml"]
+    assert (tmp_path / "robot.toml").read_text() == before
+    (tmp_path / "robot.toml").write_text("[board")
+    guide = Guide("127.0.0.1:1")
+    in_own_loop(guide.use_file(Path("robot.toml")))
+    assert (guide.step, guide.outcomes[Step.ROBOT].verdict) == (Step.ROBOT, "fail")
 
 
 @pytest.mark.parametrize("name", ["", "../robot.toml", "robot", "/tmp/a.toml", ".toml", "a b.toml"])

@@ -16,6 +16,7 @@ from typing import Literal
 
 from thumper.board.fault_texts import ARMED_STATES
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
+from thumper.config.robot import load_config
 from thumper.dashboard.board_parameters import Parameters
 from thumper.dashboard.guide.command import StepCommand
 from thumper.dashboard.guide.robot_file import Ports, write_robot_file
@@ -204,6 +205,19 @@ class Guide:
             return f"board {self.ports.board}, lidar {self.ports.lidar}: {self.config}"
 
         await self._do(choose)
+
+    async def use_file(self, path: Path) -> None:
+        """Use a configuration that exists, as it is."""
+        if self.busy is not None:
+            return
+        try:
+            settings = load_config(path)
+        except ThumperError as error:
+            self._set("fail", str(error))
+            return
+        self.config = path
+        self.ports = Ports(board=settings.board.port, lidar=settings.lidar.port)
+        await self.choose_robot("", self.ports)
 
     async def flash(self, board: str, bootloader: str) -> None:
         """Run `thumper flash`."""

@@ -3,10 +3,12 @@
 import json
 import re
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 
 from thumper.common.errors import ThumperError
 
+ROBOT_FILE = Path("robot.toml")
 FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}\.toml")
 # Worlds of a simulated robot by their label. From the start, 1.2 m ahead and behind are free for tuning.
 WORLDS = {
@@ -35,6 +37,12 @@ class Ports:
 def simulated_ports(world: str = LABORATORY) -> Ports:
     """Return the ports of a simulated robot in one of `WORLDS`."""
     return Ports(board=f"sim://setup/board?world={WORLDS[world]}", lidar="sim://setup/lidar")
+
+
+def free_name(folder: Path) -> str:
+    """Return `robot.toml`, or the first of `robot_2.toml`, `robot_3.toml`, ... that does not exist."""
+    names = (f"{ROBOT_FILE.stem}_{number}.toml" for number in count(2))
+    return next(name for name in chain((ROBOT_FILE.name,), names) if not (folder / name).exists())
 
 
 def write_robot_file(folder: Path, name: str, ports: Ports) -> Path:

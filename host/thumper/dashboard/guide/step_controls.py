@@ -3,12 +3,20 @@
 import json
 from collections.abc import Callable
 from html import escape
+from pathlib import Path
 from typing import Any, get_args
 
 from nicegui import ui
 
 from thumper.dashboard.guide.guide import Guide, Step
-from thumper.dashboard.guide.robot_file import LABORATORY, WORLDS, Ports, simulated_ports
+from thumper.dashboard.guide.robot_file import (
+    LABORATORY,
+    ROBOT_FILE,
+    WORLDS,
+    Ports,
+    free_name,
+    simulated_ports,
+)
 from thumper.dashboard.widgets import box, button, inline
 from thumper.doctor.usb_ports import usb_ports
 from thumper.lidar.options import LidarModel
@@ -36,7 +44,7 @@ class StepControls:
     def __init__(self, guide: Guide) -> None:
         self.confirming = False
         self._guide = guide
-        self._file = "robot.toml"
+        self._file = free_name(Path())
         self._map_name = "first_map"
         self._board = self._lidar = ""
         self._world = LABORATORY
@@ -52,6 +60,10 @@ class StepControls:
             with box("tp-buttons"):
                 self._button("Use this robot", lambda: self._guide.choose_robot("", known))
             return
+        if ROBOT_FILE.exists():
+            _text(f"{ROBOT_FILE} exists already. Use it as it is, or set up a robot in a new file below.")
+            with box("tp-buttons"):
+                self._button(f"Use {ROBOT_FILE}", lambda: self._guide.use_file(ROBOT_FILE))
         ports = usb_ports()
         devices = {port.device: f"{port.device}: {port.name}" for port in ports}
         self._lidar = next((port.device for port in ports if port.is_lidar), "")
