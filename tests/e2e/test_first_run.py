@@ -45,6 +45,19 @@ def check_contrast(page: Page) -> None:
             assert page.evaluate(POOR) == [], (screen, theme)
 
 
+def press_by_keyboard(page: Page, name: str) -> None:
+    """Press Tab until a button has the focus and shows it, then Enter."""
+    button = page.get_by_role("button", name=name, exact=True)
+    expect(button).to_be_visible()
+    for _ in range(30):
+        page.keyboard.press("Tab")
+        if button.evaluate("one => one === document.activeElement"):
+            break
+    expect(button).to_be_focused()
+    expect(button).to_have_css("outline-style", "solid")
+    page.keyboard.press("Enter")
+
+
 def open_last_steps(tmp_path: Path) -> None:
     """Open the page at these steps: the goal tool is chosen, although tools and map appear after the page."""
     with sync_playwright() as playwright:
@@ -91,6 +104,12 @@ def follow(tmp_path: Path) -> None:
             expect(page.locator(".tg-outcome.tg-fail")).to_have_text("stopped: the wheels are not checked")
             expect(page.get_by_role("button", name="Turn the wheels")).to_be_enabled()
             check_contrast(page)
+        written = (tmp_path / "robot.toml").read_text()
+        with walk.server():
+            expect(page.get_by_label("New configuration file")).to_have_value("robot_2.toml")
+            press_by_keyboard(page, "Use robot.toml")
+            walk.done("robot", "flash")
         browser.close()
     assert not problems
-    assert 'port = "sim://setup/board?world=house-4&' in (tmp_path / "robot.toml").read_text()
+    assert 'port = "sim://setup/board?world=house-4&' in written
+    assert [(path.name, path.read_text()) for path in tmp_path.glob("*.toml")] == [("robot.toml", written)]
