@@ -26,7 +26,17 @@ export function startShortcuts() {
   head.appendChild(document.createElement("h2")).textContent = "Keyboard shortcuts";
   const close = head.appendChild(document.createElement("button"));
   Object.assign(close, { type: "button", className: "tp-icon", title: "Close (Esc)", innerHTML: '<i class="material-icons">close</i>' });
-  close.addEventListener("click", () => { dialog.hidden = true; });
+  let opener = null;
+  const show = (isShown) => {
+    if (isShown) opener = document.activeElement;
+    const hasFocus = dialog.contains(document.activeElement);
+    dialog.hidden = !isShown;
+    if (isShown) close.focus();
+    else if (hasFocus) opener.focus();
+  };
+  close.addEventListener("click", () => show(false));
+  // The only control keeps the focus. showModal() would do so as well, but no click would reach the STOP button.
+  close.addEventListener("keydown", (event) => { if (event.key === "Tab") event.preventDefault(); });
   const list = dialog.appendChild(document.createElement("dl"));
   const tools = Object.values(TOOLS).map(({ key, title }) => [key.toUpperCase(), title.split(":")[0]]);
   for (const [keys, text] of [...tools, ...GENERAL]) {
@@ -34,14 +44,14 @@ export function startShortcuts() {
     list.appendChild(document.createElement("dd")).textContent = text;
   }
   document.addEventListener("click", (event) => {
-    if (event.target.closest?.("[data-shortcuts]")) dialog.hidden = !dialog.hidden;
+    if (event.target.closest?.("[data-shortcuts]")) show(dialog.hidden);
   });
   document.addEventListener("keydown", (event) => {
-    if (event.key === "?" && !isTyping(event)) dialog.hidden = !dialog.hidden;
+    if (event.key === "?" && !isTyping(event)) show(dialog.hidden);
   });
   onCancel(() => {
     const isActive = !dialog.hidden;
-    dialog.hidden = true;
+    if (isActive) show(false);
     return isActive;
   });
 }
