@@ -60,7 +60,7 @@ class StepControls:
             with box("tp-buttons"):
                 self._button("Use this robot", lambda: self._guide.choose_robot("", known))
             return
-        if ROBOT_FILE.exists():
+        if is_there := ROBOT_FILE.exists():
             _text(f"{ROBOT_FILE} exists already. Use it as it is, or set up a robot in a new file below.")
             with box("tp-buttons"):
                 self._button(f"Use {ROBOT_FILE}", lambda: self._guide.use_file(ROBOT_FILE))
@@ -78,11 +78,11 @@ class StepControls:
         self._field("New configuration file", "_file")
         with box("tp-buttons"):
             if ports:
-                self._button("Use this robot", self._choose)
+                self._button("Use this robot", self._choose, main=not is_there)
             self._button("Search again", self._search, main=False)
         self._select("World of a simulated robot", "_world", {label: label for label in WORLDS})
         with box("tp-buttons"):
-            self._button("Simulated robot", self._choose_simulated, main=not ports)
+            self._button("Simulated robot", self._choose_simulated, main=not (ports or is_there))
 
     async def _choose(self) -> None:
         ports = Ports(board=self._board, lidar=self._lidar, lidar_model=self._model)
