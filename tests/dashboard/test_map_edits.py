@@ -145,6 +145,7 @@ def test_the_page_edits_a_map(page: Page, robot: FakeRobot, library: Path) -> No
     page.keyboard.press("Escape")  # back to the robot, the edits stay
     expect(page.locator("#tp-banner")).to_have_text("Simulated robot: Laboratory")
     page.click("[aria-label='Edit the map room']")
+    page.wait_for_function(f"{shown}.grids.map?.info.columns === 60 && {shown}.pose === null")
     page.locator(".tp-editor select").select_option("crop")
     page.wait_for_function(f"{shown}.tools.tool === 'box'")
     drag(page, (0.025, 0.025), (1.975, 1.975))

@@ -45,6 +45,7 @@ def test_all_text_can_be_read(
     page.route("**/library", lambda route: route.fulfill(json={"maps": maps, "recordings": []}))
     open_page(page, server)
     assert page.evaluate("document.body.classList.contains('body--dark')") == (theme == "dark")
+    page.wait_for_timeout(300)  # Quasar fades the tab
     problems = {}
     for state in (State.DISARMED, State.MANUAL, State.CLOSED_LOOP):
         robot.state = state
