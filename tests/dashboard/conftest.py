@@ -9,13 +9,13 @@ import pytest
 from benchmarks.shared.browser import CHROMIUM, FLAGS, Server, open_page
 from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import free_port
-from playwright.sync_api import Browser, BrowserType, Page, ViewportSize, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserType, Page, expect, sync_playwright
 
 from tests.dashboard.built_site import ROOT, build_pages, build_robot
+from tests.page_checks import DESK
 
 expect.set_options(timeout=30_000)  # a machine that is busy with other tests takes its time
 
-DESK: ViewportSize = {"width": 1440, "height": 900}
 HAS_FAILED = pytest.StashKey[bool]()
 
 

@@ -10,7 +10,7 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
-from tests.dashboard.test_page_contrast import POOR
+from tests.page_checks import POOR
 from thumper.board.messages import PARAMETERS
 from thumper.dashboard.board_parameters import DOCS
 from thumper.dashboard.gains_help import EFFECTS, NO_MODEL, gains_help, gains_warning

@@ -136,7 +136,8 @@ def test_the_page_edits_a_map(page: Page, robot: FakeRobot, library: Path) -> No
     page.click("[aria-label='Edit the map room']")
     expect(page.locator("#tp-banner")).to_contain_text("Editing the map room")
     shown = "document.querySelector('.tp-map').mapView"
-    page.wait_for_function(f"{shown}.grids.map?.info.columns === 60 && {shown}.pose === null")
+    is_open = f"{shown}.grids.map?.info.columns === 60 && {shown}.pose === null"
+    page.wait_for_function(is_open)
     drag(page, (0.525, 0.525), (1.525, 1.525))  # middles of cells
     page.click("[data-rotate]")
     page.wait_for_function(f"{shown}.grids.map.info.rows === 60")
@@ -145,7 +146,7 @@ def test_the_page_edits_a_map(page: Page, robot: FakeRobot, library: Path) -> No
     page.keyboard.press("Escape")  # back to the robot, the edits stay
     expect(page.locator("#tp-banner")).to_have_text("Simulated robot: Laboratory")
     page.click("[aria-label='Edit the map room']")
-    page.wait_for_function(f"{shown}.grids.map?.info.columns === 60 && {shown}.pose === null")
+    page.wait_for_function(is_open)
     page.locator(".tp-editor select").select_option("crop")
     page.wait_for_function(f"{shown}.tools.tool === 'box'")
     drag(page, (0.025, 0.025), (1.975, 1.975))

@@ -9,7 +9,7 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Browser, Page, expect
 
-from tests.dashboard.test_page_contrast import POOR
+from tests.page_checks import POOR
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
 from thumper.dashboard.page import page_title

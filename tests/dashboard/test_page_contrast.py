@@ -10,16 +10,11 @@ from benchmarks.shared.live import until
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from tests.dashboard.test_map_edits import save_room
+from tests.page_checks import DESK, PHONE, POOR, TABLET
 from thumper.board.messages import Fault, State
 from thumper.runtime.requests import Velocity
 
 TABS = ("drive", "map", "gains", "tune", "sim", "log", "system")
-POOR = (Path(__file__).parent / "contrast.js").read_text(encoding="utf-8")
-
-
-DESK: ViewportSize = {"width": 1440, "height": 900}
-PHONE: ViewportSize = {"width": 390, "height": 844}
-TABLET: ViewportSize = {"width": 1024, "height": 768}
 
 
 @pytest.mark.parametrize(

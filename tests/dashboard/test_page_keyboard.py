@@ -4,9 +4,9 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Page, expect
 
+from tests.page_checks import MOST_CONTROLS, tab_to
 from thumper.board.messages import Fault
 
-MOST_CONTROLS = 80
 # Keeps the visible controls that Tab reaches, and how each looks without the focus.
 CONTROLS = """() => {
   window.look = (one) => {
@@ -23,15 +23,6 @@ FOCUSED = "() => window.controls.indexOf(document.activeElement)"
 HAS_RING = "k => look(window.controls[k]) !== window.before[k]"
 
 
-def tab_to(page: Page, selector: str) -> None:
-    """Press Tab until an element has the focus."""
-    for _ in range(MOST_CONTROLS):
-        page.keyboard.press("Tab")
-        if page.locator(selector).evaluate("one => one === document.activeElement"):
-            return
-    raise AssertionError(f"Tab does not reach {selector}")
-
-
 def test_tab_reaches_every_control_and_shows_it(page: Page) -> None:
     names = page.evaluate(CONTROLS)
     reached: dict[int, bool] = {}
@@ -45,18 +36,18 @@ def test_tab_reaches_every_control_and_shows_it(page: Page) -> None:
 
 
 def test_keys_drive_stop_and_clear_the_fault(page: Page, robot: FakeRobot) -> None:
-    tab_to(page, ".tp-tab-drive")
+    tab_to(page, page.locator(".tp-tab-drive"))
     page.keyboard.press("ArrowRight")
     page.keyboard.press("Enter")
     expect(page.locator(".tp-places")).to_be_visible()
-    tab_to(page, ".tp-map canvas")
+    tab_to(page, page.locator(".tp-map canvas"))
     for key in ("g", "ArrowRight", "ArrowUp", "Enter"):
         page.keyboard.press(key)
     until(lambda: robot.goal is not None)
     page.keyboard.press("Space")
     expect(page.locator(".tp-fault")).to_be_visible()
     assert (robot.goal, robot.fault) == (None, Fault.E_STOP)
-    tab_to(page, ".tp-fault > button")
+    tab_to(page, page.locator(".tp-fault > button"))
     page.keyboard.press("Enter")
     expect(page.locator(".tp-fault")).to_be_hidden()
     assert robot.fault == Fault.NONE
@@ -65,7 +56,7 @@ def test_keys_drive_stop_and_clear_the_fault(page: Page, robot: FakeRobot) -> No
 def test_the_list_of_shortcuts_takes_the_focus_and_gives_it_back(page: Page, robot: FakeRobot) -> None:
     dialog, close = page.locator(".tp-shortcuts"), page.locator(".tp-shortcuts button")
     for opener, key in (("[data-shortcuts]", "Enter"), (".tp-map canvas", "?")):
-        tab_to(page, opener)
+        tab_to(page, page.locator(opener))
         page.keyboard.press(key)
         expect(close).to_be_focused()
         for leave in ("Tab", "Shift+Tab"):

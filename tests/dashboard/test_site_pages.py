@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, expect
 
+from tests.page_checks import POOR
 from tests.variants import some_of
 
 ROOT = Path(__file__).parents[2]
@@ -20,7 +21,6 @@ PAGES = sorted((page.as_posix() for page in SOURCES), reverse=True)
 COMMAND = re.compile(r"(thumper [a-z]|make |pytest |sudo |git |pip |cd |source |\.venv/)")
 CLEAR_PX = 6
 QUIET = "reference/glossary.html"  # the front page keeps a core busy with its robot
-POOR = (Path(__file__).parent / "contrast.js").read_text(encoding="utf-8")
 FENCE = re.compile(r"^ *```.*?^ *```$", re.DOTALL | re.MULTILINE)
 
 COLLISIONS = """(clear_px) => {

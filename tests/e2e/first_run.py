@@ -17,11 +17,11 @@ from pathlib import Path
 
 from benchmarks.shared.browser import CHROMIUM, FLAGS
 from benchmarks.shared.live import END_WITH_PARENT, free_port, until
-from playwright.sync_api import Page, ViewportSize, expect, sync_playwright
+from playwright.sync_api import Page, expect, sync_playwright
+
+from tests.page_checks import DESK, PHONE
 
 STEP_TIMEOUT_MS = 900_000  # exploring at 0.2 m/s takes minutes
-DESK: ViewportSize = {"width": 1440, "height": 900}
-PHONE: ViewportSize = {"width": 390, "height": 844}
 BUSY_MS = 120_000  # a busy computer takes its time for each click
 TRIES = 3  # a busy computer delays the emulated board as a loose cable would
 

@@ -7,12 +7,10 @@ from pathlib import Path
 
 import pytest
 from benchmarks.shared.browser import CHROMIUM, FLAGS
-from playwright.sync_api import Page, ViewportSize, expect, sync_playwright
+from playwright.sync_api import Page, expect, sync_playwright
 
-from tests.e2e.first_run import PHONE, Guided
-
-POOR = (Path(__file__).parents[1] / "dashboard" / "contrast.js").read_text(encoding="utf-8")
-TABLET: ViewportSize = {"width": 1024, "height": 768}
+from tests.e2e.first_run import Guided
+from tests.page_checks import PHONE, POOR, TABLET, tab_to
 
 
 def test_bare_board_is_flashed_and_stop_ends_the_wheel_check(tmp_path: Path) -> None:
@@ -46,14 +44,10 @@ def check_contrast(page: Page) -> None:
 
 
 def press_by_keyboard(page: Page, name: str) -> None:
-    """Press Tab until a button has the focus and shows it, then Enter."""
+    """Press Tab until a button has the focus, which it shows, then Enter."""
     button = page.get_by_role("button", name=name, exact=True)
     expect(button).to_be_visible()
-    for _ in range(30):
-        page.keyboard.press("Tab")
-        if button.evaluate("one => one === document.activeElement"):
-            break
-    expect(button).to_be_focused()
+    tab_to(page, button)
     expect(button).to_have_css("outline-style", "solid")
     page.keyboard.press("Enter")
 

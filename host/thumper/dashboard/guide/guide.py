@@ -199,25 +199,28 @@ class Guide:
             await self._end_simulator()  # of an earlier choice
             if self.config is None or self.ports is None:
                 self.config, self.ports = write_robot_file(Path(), name, ports), ports
-            if self.ports.simulated:
-                await self._start_simulator()
-                return f"a simulated robot: bare board, wheels in the air; {self.config}"
-            return f"board {self.ports.board}, lidar {self.ports.lidar}: {self.config}"
+            return await self._chosen(self.ports)
 
         await self._do(choose)
 
     async def use_file(self, path: Path) -> None:
         """Use a configuration that exists, as it is."""
-        if self.busy is not None:
-            return
-        try:
+
+        async def choose() -> str:
             settings = load_config(path)
-        except ThumperError as error:
-            self._set("fail", str(error))
-            return
-        self.config = path
-        self.ports = Ports(board=settings.board.port, lidar=settings.lidar.port)
-        await self.choose_robot("", self.ports)
+            await self._end_simulator()
+            self.config = path
+            self.ports = Ports(board=settings.board.port, lidar=settings.lidar.port)
+            return await self._chosen(self.ports)
+
+        await self._do(choose)
+
+    async def _chosen(self, ports: Ports) -> str:
+        """Start the bare board of a simulated robot; return what was chosen."""
+        if ports.simulated:
+            await self._start_simulator()
+            return f"a simulated robot: bare board, wheels in the air; {self.config}"
+        return f"board {ports.board}, lidar {ports.lidar}: {self.config}"
 
     async def flash(self, board: str, bootloader: str) -> None:
         """Run `thumper flash`."""

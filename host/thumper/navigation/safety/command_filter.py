@@ -88,9 +88,10 @@ class CommandFilter:
         self._tracks.update(cycle.time_s, lidar, found.small, found.moving)
         self._costmap = model.costmap
         obstacles = model.obstacles
-        walk = self._tracks.are_near(obstacles.points_m) if self._gives_way else np.False_
-        error_m = obstacles.position_error_m + WALKING_MARGIN_M * walk
-        self._obstacles = obstacles._replace(position_error_m=error_m).in_base(cycle.map_from_base)
+        if self._gives_way:
+            more_m = WALKING_MARGIN_M * self._tracks.are_near(obstacles.points_m)
+            obstacles = obstacles._replace(position_error_m=obstacles.position_error_m + more_m)
+        self._obstacles = obstacles.in_base(cycle.map_from_base)
 
     def are_walking(self, points_m: FloatArray) -> NDArray[np.bool_]:
         """Return which points, shape (n, 2) in map, are on people who walk; none if the robot gives no way.
