@@ -44,6 +44,31 @@ def test_no_drive_starts_after_ctrl_c(
     assert "Traceback" not in errors
 
 
+def test_ctrl_c_while_the_map_is_written_waits_for_it(tmp_path: Path) -> None:
+    script = (
+        "import os, signal\n"
+        "import thumper.cli.output.run_report as report\n"
+        "write = report.write_run\n"
+        "def write_run(*arguments):\n"
+        "    os.kill(os.getpid(), signal.SIGINT)\n"
+        "    return write(*arguments)\n"
+        "report.write_run = write_run\n"
+        "from thumper.__main__ import main\n"
+        "main()\n"
+    )
+    arguments = ["run", *ON_SIM, "--bus", f"127.0.0.1:{free_port()}", "--goal", "0.4", "0"]
+    done = subprocess.run(
+        [*END_WITH_PARENT, sys.executable, "-c", script, *arguments, "--out", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (130, "thumper: interrupted\n")
+    assert f"summary.json are in {tmp_path}/\nreached:" in done.stdout
+    assert (tmp_path / "map.session").exists()
+    assert not (tmp_path / "autosave.session").exists()
+
+
 @pytest.mark.parametrize("command", some_of(["run", "explore"]))
 def test_ctrl_c_reports_the_motors_while_waiting_for_the_board(command: str, tmp_path: Path) -> None:
     """Nothing answers on the port; the handshake request shows that the command waits."""

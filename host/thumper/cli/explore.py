@@ -100,10 +100,8 @@ def explore(
             limit_s=60.0 * minutes,
             report=console.print,
         )
-        run = run_and_report(robot, task, out, console)
-    result = run.result
+        result = run_and_report(robot, task, out, console)
     console.print(BACK if result.reached else f"not back at the start: {result.reason}")
-    console.print(f"{', '.join(run.files)} are in {out}/", soft_wrap=True)
     raise_if_interrupted(result)
     if not result.reached:
         raise typer.Exit(1)

@@ -21,6 +21,7 @@ from thumper.common.compile_progress import compile_progress
 from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.common.files import unreadable
 from thumper.common.geometry import Pose2
+from thumper.common.signals import hold_interrupt
 from thumper.config.robot import RobotConfig, load_config, with_ports
 from thumper.dashboard.process import dashboard_process
 from thumper.maps.annotations import annotations_path, load_annotations
@@ -154,21 +155,19 @@ def _opened(
         yield robot
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FinishedRun:
-    """The result of a task, and the files that it left behind."""
+def run_and_report(robot: RobotLoop, task: Task, out: Path, console: Console) -> DriveResult:
+    """Run a task with a progress display; write map, pictures and summary to `out`, and print their names.
 
-    result: DriveResult
-    files: list[str]
-
-
-def run_and_report(robot: RobotLoop, task: Task, out: Path, console: Console) -> FinishedRun:
-    """Run a task with a progress display; write map, pictures and summary to `out`."""
+    Ctrl-C while they are written marks the result as interrupted; a second one leaves them unwritten.
+    """
     result = robot.run(task, ProgressDisplay(console))
-    from thumper.cli.output.run_report import write_run  # matplotlib: 27 MB that no drive needs
+    with hold_interrupt() as held, console.status("writing the map"):
+        from thumper.cli.output.run_report import write_run  # matplotlib: 27 MB that no drive needs
 
-    robot.before_save()
-    datum = robot.inputs.estimator.map_datum()
-    files = write_run(out, robot.mapper, robot.annotations, robot.log, result, datum)
-    print_warnings(robot, console)
-    return FinishedRun(result=result, files=files)
+        robot.before_save()
+        datum = robot.inputs.estimator.map_datum()
+        files = write_run(out, robot.mapper, robot.annotations, robot.log, result, datum)
+        print_warnings(robot, console)
+        way = f"{result.path_length_m:.2f} m in {result.time_s:.1f} s"
+        console.print(f"{way}; {', '.join(files)} are in {out}/", soft_wrap=True)
+    return replace(result, interrupted=result.interrupted or bool(held))

@@ -196,6 +196,7 @@ def _serve_in_one_world(options: "RunOptions", speed: float, console: "Console")
 
 def _drive(options: "RunOptions", waypoints: "Waypoints", console: "Console", *, clear_fault: bool) -> None:
     """Drive to all waypoints and report the result; raise ThumperError if one is not reached."""
+    from thumper.cli.output.drive_progress import raise_if_interrupted
     from thumper.cli.robot_run import opened_robot, run_and_report
     from thumper.common.errors import EXIT_INTERRUPTED, ThumperError
     from thumper.runtime.drive.tasks import follow_waypoints
@@ -210,15 +211,13 @@ def _drive(options: "RunOptions", waypoints: "Waypoints", console: "Console", *,
             on_beep=lambda _name: console.bell(),
             recording=lambda: recorded_wait(robot.publisher, lambda name: handlers[name]()),
         )
-        run = run_and_report(robot, task, options.out, console)
-    result = run.result
-    summary = f"{result.path_length_m:.2f} m in {result.time_s:.1f} s"
-    console.print(f"{summary}; {', '.join(run.files)} are in {options.out}/", soft_wrap=True)
+        result = run_and_report(robot, task, options.out, console)
     if not result.reached:
         raise ThumperError(
             f"goal not reached: {result.reason}", exit_code=EXIT_INTERRUPTED if result.interrupted else 1
         )
     console.print(f"reached: {result.reason}")
+    raise_if_interrupted(result)
 
 
 def _waypoints(

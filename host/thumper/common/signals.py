@@ -52,6 +52,35 @@ def raise_lost_interrupt() -> Iterator[None]:
             raise KeyboardInterrupt
 
 
+@contextmanager
+def hold_interrupt() -> Iterator[list[int]]:
+    """Hold the first Ctrl-C back until the block has ended; a second one raises KeyboardInterrupt at once.
+
+    Yields the signals held so far. Holds nothing outside the main thread, which alone receives signals.
+    """
+    held: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield held
+        return
+    before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+
+    def hold(number: int, frame: FrameType | None) -> None:
+        if held:
+            _interrupt(number, frame)
+        held.append(number)
+
+    ours = [
+        number for number, handler in before.items() if handler in (_interrupt, signal.default_int_handler)
+    ]
+    for number in ours:
+        signal.signal(number, hold)
+    try:
+        yield held
+    finally:
+        for number in ours:
+            signal.signal(number, before[number])
+
+
 def _interrupt(number: int, frame: FrameType | None) -> None:
     _received[0] = True
     signal.default_int_handler(number, frame)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from thumper.common.signals import forget_interrupts, raise_lost_interrupt, record_interrupts
+from thumper.common.signals import forget_interrupts, hold_interrupt, raise_lost_interrupt, record_interrupts
 
 
 def lose_an_interrupt() -> None:
@@ -47,3 +47,13 @@ def test_a_forgotten_interrupt_is_not_raised() -> None:
         lose_an_interrupt()
         forget_interrupts()
         one_pass(pass_)
+
+
+def test_the_first_interrupt_is_held_and_the_second_is_not() -> None:
+    with hold_interrupt() as held:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert held == [signal.SIGINT]
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGINT)

@@ -91,4 +91,5 @@ def print_warnings(robot: RobotLoop, console: Console) -> None:
 def raise_if_interrupted(result: DriveResult) -> None:
     """Raise ThumperError with the exit code of an interrupted command, for one that would drive on."""
     if result.interrupted:
-        raise ThumperError(result.reason, exit_code=EXIT_INTERRUPTED)
+        reason = "interrupted" if result.reached else result.reason
+        raise ThumperError(reason, exit_code=EXIT_INTERRUPTED)
