@@ -160,7 +160,7 @@ $(VENV)/.run: pyproject.toml $(CONSTRAINTS) | $(VENV)/.made
 
 # What has not changed is not compiled again.
 $(VENV)/.kernels: $(shell find host/thumper hil/thumper_hil tuning/thumper_tuning scripts/ship_kernels.py -name '*.py') | $(VENV)/.run firmware chip
-	@echo "loading the compiler of the kernels"
+	@echo "loading the compiler"
 	@THUMPER_SHIP_KERNELS=1 $(BIN)/python scripts/ship_kernels.py
 	@touch $@
 

@@ -272,6 +272,7 @@ def main() -> None:
     except typer.Abort as error:  # at a question: Ctrl-C, or nobody is there
         if isinstance(error.__context__, KeyboardInterrupt):
             _exit_with(ThumperError("interrupted", exit_code=EXIT_INTERRUPTED))
+        print()  # ends the line of the question
         _exit_with(ThumperError("nobody answers the question; pass --yes to skip it", exit_code=EXIT_USAGE))
     except ThumperError as error:
         _exit_with(error)

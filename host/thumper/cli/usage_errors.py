@@ -10,6 +10,16 @@ from thumper.common.texts import close_names, is_number
 # Typer brings click's exceptions, in newer versions as a copy of its own.
 UsageError: Any = typer.BadParameter.__base__
 
+MEANT = {
+    "goal": "goto",
+    "navigate": "goto",
+    "drive": "teleop",
+    "slam": "run",
+    "upload": "flash",
+    "check": "doctor",
+}
+"""Names that other robot programs have for our commands, which they do not resemble."""
+
 
 def usage_text(error: Any) -> str:
     """Return the line for a parser error: the command, the problem, and where its options are listed."""
@@ -21,6 +31,9 @@ def usage_text(error: Any) -> str:
         _name_the_value(error)
         problem = " ".join(error.format_message().split()).removesuffix(".")
         problem = (problem[:1].lower() + problem[1:]).replace(". Did you mean", "; did you mean")
+        unknown = problem.partition(";")[0]
+        if meant := MEANT.get(unknown.removeprefix("no such command ").strip("'")):
+            problem = f"{unknown}; did you mean '{meant}'?"
     subcommand = command.removeprefix("thumper").strip()
     where = f"{subcommand}: " if subcommand else ""
     joint = " See" if problem.endswith("?") else "; see"

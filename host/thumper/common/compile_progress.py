@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.spinner import Spinner
 
-COMPILING = "compiling for this computer, once"
+COMPILING = "compiling the mapping and planning code, once"
 FIRST_START = 295  # kernels that the default options need, if none is there yet
 LINE_PERIOD_S = 10.0  # between two lines without a terminal
 
@@ -23,7 +23,7 @@ class KernelCounter(Protocol):
 
 
 class _Line:
-    """Shows how many kernels are compiled: in a line of the terminal, else in one every `LINE_PERIOD_S`."""
+    """Shows the share that is compiled: in a line of the terminal, else in one every `LINE_PERIOD_S`."""
 
     def __init__(self, console: Console, loading: str, expected: int, counter: KernelCounter) -> None:
         self._console, self._expected, self._counter = console, expected, counter
@@ -59,18 +59,17 @@ class _Line:
         self._live.stop()
 
     def summarize(self) -> None:
-        """Say how many were compiled, if any."""
+        """Say how long it took, if any were compiled."""
         if self._counter.value:
-            self._console.print(f"compiled {self._counter.value} kernels in {self._elapsed_s:.0f} s")
+            self._console.print(f"compiled in {self._elapsed_s:.0f} s")
 
     @property
     def _elapsed_s(self) -> float:
         return time.monotonic() - self._begun_s
 
     def _text(self) -> str:
-        count, expected = self._counter.value, self._expected
-        kernels = f"{count} of about {expected} kernels" if count <= expected else f"{count} kernels"
-        return f"{kernels}, {self._elapsed_s:.0f} s"
+        percent = min(99, 100 * self._counter.value // self._expected)
+        return f"{percent} %, {self._elapsed_s:.0f} s"
 
     def _shown(self) -> Spinner:
         if self._started:
@@ -93,7 +92,7 @@ def compile_progress(
 ) -> Iterator[KernelCounter]:
     """Count the kernels that are compiled inside the block, in one line that ends as a summary.
 
-    The line has the elapsed time, and compares the kernels with those that are `expected` at most. Without a
+    The line has the elapsed time and the share of the kernels that are `expected` at most. Without a
     terminal, there is a line every `LINE_PERIOD_S`.
 
     If all are loaded from disk, a terminal shows `loading` meanwhile, and nothing remains.

@@ -46,6 +46,7 @@ def test_unknown_option_of_each_command(refusal: Refusal, words: tuple[str, ...]
     ("typed", "line"),
     [
         ("got 1 2", "thumper: no such command 'got'; did you mean 'goto'? See `thumper --help`"),
+        ("goal 1 2", "thumper: no such command 'goal'; did you mean 'goto'? See `thumper --help`"),
         ("tune recrod", "tune: no such command 'recrod'; did you mean 'record'? See `thumper tune --help`"),
         ("run --gaol 1 2", "run: no such option --gaol; did you mean --goal? See `thumper run"),
         ("run --bogus", "run: no such option --bogus; see `thumper run"),
