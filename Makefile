@@ -95,7 +95,7 @@ reference: $(VENV)/.dev
 docs: firmware $(VENV)/.dev
 	@sed '$(if $(REPOSITORY),s|^site_name|repo_url = "$(REPOSITORY)"\n&|);$(if $(PAGES),s|^site_description|site_url = "$(PAGES)"\n&|)' zensical.toml > .site.toml
 	@$(BIN)/zensical build --clean --strict --config-file .site.toml
-	@$(BIN)/python scripts/finish_pages.py site
+	@$(BIN)/python scripts/finish_pages.py site $(REPOSITORY)
 	@$(BIN)/python scripts/search_weights.py site
 	@scripts/build-browser site $(BIN)/python
 	@echo 'The site is in site/: open site/index.html'

@@ -3,6 +3,9 @@
 import html
 import io
 import re
+import shutil
+import subprocess
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -238,6 +241,30 @@ def test_each_page_is_described_by_its_own_heading_and_first_paragraph(pages: Pa
         assert re.findall(r'og:description" content="([^>]*)">', head) == [words], page
         if page.parent.name != "benchmarks":  # made by one program from one sentence
             assert seen.setdefault(words, page.name) == page.name
+
+
+def test_links_buttons_and_the_robot_share_one_accent(browser: Browser, site: Path) -> None:
+    for scheme in ("light", "dark"):
+        page = browser.new_page(color_scheme=scheme)
+        page.goto((site / "index.html").as_uri())
+        colours = page.evaluate(
+            """() => [[".hero p a:not(.md-button)", "color"], [".md-button--primary", "backgroundColor"],
+              [".robot-stick i", "backgroundColor"], [".robot-gains input", "accentColor"]]
+              .map(([one, what]) => getComputedStyle(document.querySelector(one))[what])"""
+        )
+        assert len(set(colours)) == 1, (scheme, colours)
+        page.close()
+
+
+def test_clone_command_of_a_published_site_has_its_address(pages: Path, tmp_path: Path) -> None:
+    for name in ("index", "howto/install"):
+        shutil.copy(pages / f"{name}.html", tmp_path)
+    address = "https://github.com/owner/name"
+    subprocess.run([sys.executable, ROOT / "scripts/finish_pages.py", tmp_path, address], check=True)
+    for page in tmp_path.glob("*.html"):
+        text = html.unescape(re.sub(r"<[^>]*>", "", page.read_text(encoding="utf-8")))
+        assert f"git clone {address} thumper && cd thumper" in text, page.name
+        assert "# URL" not in text
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
