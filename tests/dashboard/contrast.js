@@ -25,7 +25,7 @@
   for (let node = walker.nextNode(); node; node = walker.nextNode()) {
     const element = node.parentElement;
     const style = getComputedStyle(element);
-    const isOff = element.closest("[disabled], .disabled, script, style, option, .material-icons, .q-icon");
+    const isOff = element.closest("[disabled], [aria-disabled], .disabled, script, style, option, .material-icons, .q-icon");
     if (!node.data.trim() || isOff || !element.checkVisibility({ checkVisibilityCSS: true })) continue;
     const ground = behind(element);
     const colour = element.namespaceURI.endsWith("svg") ? style.fill : style.color;

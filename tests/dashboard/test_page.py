@@ -361,7 +361,7 @@ def test_colours_show_whether_the_motors_are_on(page: Page, robot: FakeRobot) ->
 
     expect_colours("armed", (green, plain, amber), armed=True)
     robot.state = State.MANUAL
-    expect_colours("manual (open loop)", (yellow, plain, amber), armed=True)
+    expect_colours("manual", (yellow, plain, amber), armed=True)
     disarm.click()
     page.mouse.move(5, 5)  # a button below the mouse has another colour
     expect_colours("disarmed", (grey, green, plain), armed=False)

@@ -8,6 +8,7 @@ from playwright.sync_api import Page, expect
 
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
+from thumper.runtime.requests import Query
 
 
 def test_fault_moves_no_control_and_colours_the_state(page: Page, robot: FakeRobot) -> None:
@@ -22,6 +23,66 @@ def test_fault_moves_no_control_and_colours_the_state(page: Page, robot: FakeRob
         page.click("text=Clear fault", trial=True)  # nothing covers it
         robot.reset()
         expect(page.locator(".tp-fault")).to_be_hidden()
+
+
+STALLED = "the left wheels do not turn; are they blocked, is a motor or encoder wire loose?"
+
+
+def test_a_fault_is_explained_once_and_blocks_what_needs_none(page: Page, robot: FakeRobot) -> None:
+    notices, reason, line = (page.locator(name) for name in (".tp-notice", ".tp-reason", ".tp-state"))
+    explore, arm = (page.get_by_role("button", name=name, exact=True) for name in ("Explore", "Arm"))
+    expect(explore).not_to_have_attribute("aria-disabled", "true")
+    line_before = line.bounding_box()
+    robot.fault, robot.fault_words, robot.fault_cure = Fault.STALL_LEFT, "left wheels stalled", STALLED
+    robot.reason = f"the board stopped the motors: {STALLED}"
+    robot.event(f"not back at the start: the board stopped the motors: {STALLED}")
+    robot.event("the map was not saved: disk full")
+    expect(page.locator(".tp-fault-cure")).to_have_text(STALLED)
+    expect(reason).to_have_text("the board stopped the motors")
+    assert line.bounding_box() == line_before
+    expect(notices).to_have_text(["the map was not saved: disk full"])
+    blocked = "Left wheels stalled: clear the fault first"
+    for button in (explore, arm):
+        expect(button).to_have_attribute("title", blocked)
+        expect(button).to_be_disabled()
+    explore.click(force=True)
+    expect(notices.last).to_have_text(blocked)
+    page.click("text=Clear fault")
+    expect(explore).to_be_enabled()
+    expect(notices.get_by_text(blocked)).to_have_count(0)
+    assert not [query for query in robot.received_of(Query) if query.content.get("command") == "explore"]
+    robot.fault, robot.fault_words = Fault.LINK_LOST, "connection lost"
+    expect(page.locator(".tp-fault")).to_be_visible()
+    expect(arm).to_be_enabled()  # it clears this one
+
+
+def test_cancel_looks_inactive_while_nothing_runs_but_is_always_sent(page: Page, robot: FakeRobot) -> None:
+    cancel = page.locator(".tp-cancel")
+    robot.reason = "disarmed"
+    expect(cancel).to_be_disabled()
+    expect(cancel).to_have_attribute("title", "Nothing is running")
+    cancel.click(force=True)
+    expect(page.locator(".tp-notice")).to_have_text("done: cancel")
+    for reason, experiment, goal in (
+        ("waiting, 2 of 3", "", None),
+        ("", "tune", None),
+        ("", "", Pose2(x_m=1.0, y_m=1.0)),
+    ):
+        robot.reason, robot.experiment, robot.goal = reason, experiment, goal
+        expect(cancel).to_be_enabled()
+        robot.reason, robot.experiment, robot.goal = "disarmed", "", None
+        expect(cancel).to_be_disabled()
+
+
+def test_the_status_line_keeps_its_height(page: Page, robot: FakeRobot) -> None:
+    for size in ((1440, 900), (1024, 600), (390, 844)):
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        robot.reason, robot.goal = "", None
+        expect(page.locator(".tp-mode")).to_have_text("idle")
+        before = page.locator(".tp-state").bounding_box()
+        robot.reason, robot.goal = 20 * "a long reason ", Pose2(x_m=1.0, y_m=1.0)
+        expect(page.locator(".tp-reason")).to_have_attribute("title", re.compile("long reason"))
+        assert page.locator(".tp-state").bounding_box() == before
 
 
 def test_the_box_of_a_fault_folds_up_until_the_next_fault(page: Page, robot: FakeRobot) -> None:
@@ -77,8 +138,8 @@ def test_a_notice_on_a_phone_covers_no_control(page: Page, robot: FakeRobot) -> 
 
 def test_header_fits_on_a_phone_with_its_longest_state(page: Page, robot: FakeRobot) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
-    robot.state = State.MANUAL
-    expect(page.locator(".tp-board")).to_contain_text("manual (open loop)")
+    robot.state = State.DISARMED
+    expect(page.locator(".tp-board")).to_contain_text("disarmed")
     assert page.locator(".tp-header").evaluate("head => head.scrollWidth <= head.clientWidth")
 
 

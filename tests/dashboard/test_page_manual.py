@@ -9,6 +9,7 @@ from playwright.sync_api import Page, expect
 
 from tests.variants import some_of
 from thumper.board.messages import Fault, State
+from thumper.common.geometry import Twist2
 from thumper.runtime.requests import EmergencyStop, OverrideAssistance, Query, Velocity
 
 PAD = """([lb, forward, stop]) => {
@@ -121,6 +122,73 @@ def test_joystick_drives_while_held(page: Page, robot: FakeRobot) -> None:
     count = len(robot.received_of(Velocity))
     time.sleep(0.3)
     assert len(robot.received_of(Velocity)) == count  # nothing more after the release
+
+
+def test_keys_drive_while_the_drive_tab_is_open(page: Page, robot: FakeRobot) -> None:
+    def drives() -> bool:
+        return any(velocity.twist.v_m_s > 0.3 for velocity in robot.received_of(Velocity))
+
+    def stops() -> bool:
+        return bool(robot.received_of(Velocity)[-1].twist == Twist2())
+
+    page.keyboard.down("w")
+    until(drives)
+    expect(page.locator("[data-tool=pan]")).to_have_class("on")  # no tool has this key
+    page.keyboard.up("w")
+    until(stops)
+    page.keyboard.down("ArrowUp")
+    page.keyboard.down("a")
+    until(lambda: [v for v in robot.received_of(Velocity) if v.twist.v_m_s > 0.3 and v.twist.w_rad_s > 0.3])
+    page.keyboard.up("ArrowUp")
+    until(lambda: robot.received_of(Velocity)[-1].twist.v_m_s == 0.0)
+    page.keyboard.up("a")
+    until(stops)
+    for place in (".tp-map canvas", ".tp-tab-drive"):  # they have the arrow keys
+        page.focus(place)
+        robot.received.clear()
+        for key, moves in (("ArrowUp", False), ("W", True)):
+            page.keyboard.down(key)
+            time.sleep(0.3)
+            assert drives() == moves, (place, key)
+            page.keyboard.up(key)
+        until(stops)
+    page.keyboard.down("w")
+    robot.received.clear()
+    until(drives)
+    page.click(".tp-tab-map")
+    until(stops)
+    page.keyboard.up("w")
+    robot.received.clear()
+    page.keyboard.down("w")
+    time.sleep(0.3)
+    assert not robot.received_of(Velocity)
+    page.keyboard.up("w")
+
+
+def test_keys_do_not_drive_again_before_they_are_released(page: Page, robot: FakeRobot) -> None:
+    page.keyboard.down("w")
+    until(lambda: robot.received_of(Velocity))
+    page.evaluate("window.dispatchEvent(new Event('blur'))")
+    until(lambda: robot.received_of(Velocity)[-1].twist == Twist2())
+    robot.received.clear()
+    page.keyboard.down("w")  # repeats
+    time.sleep(0.3)
+    assert not robot.received_of(Velocity)
+    page.keyboard.up("w")
+
+
+def test_the_page_says_who_drives_and_whether_the_speed_is_controlled(page: Page, robot: FakeRobot) -> None:
+    chip, reason = page.locator(".tp-board"), page.locator(".tp-reason")
+    expect(chip).to_have_attribute("title", "Motor board")
+    robot.state, robot.reason = State.MANUAL, "driven by teleop; slowed"
+    expect(chip).to_contain_text("manual")
+    expect(chip).to_have_attribute("title", "PWM without speed control")
+    expect(reason).to_have_text("driven from another page or program; slowed")
+    page.keyboard.down("w")
+    expect(reason).to_have_text("driven from this page; slowed")
+    page.keyboard.up("w")
+    robot.experiment = "tune"
+    expect(chip.locator("[data-field]")).to_have_text("tuning")
 
 
 def test_shift_and_its_button_override_the_assistance(page: Page, robot: FakeRobot) -> None:

@@ -31,6 +31,12 @@ def _drive(board: Board, live: LiveTuning, ticks: int) -> list[ControllerState]:
     return states
 
 
+def test_a_fault_ends_an_experiment_in_plain_words(board: Board) -> None:
+    board.emergency_stop()
+    with pytest.raises(ThumperError, match="has stopped the motors: emergency stop; fix that first"):
+        next_sample(board, State.FAULT)
+
+
 @pytest.mark.parametrize("changed", [{"kp": 5.0, "ki": 9.0}, {"ks": 10.0, "kv": 15.0}])
 def test_gains_change_in_flight_without_a_bump(board: Board, changed: dict[str, float]) -> None:
     live = LiveTuning(board)

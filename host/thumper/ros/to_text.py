@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from thumper.board.fault_texts import STATE_NAMES
+from thumper.board.fault_texts import FAULT_NAMES, STATE_NAMES
 from thumper.board.messages import Telemetry
 from thumper.camera.frame import jpeg_shape
 from thumper.common.geometry import FloatArray, Pose2
@@ -172,7 +172,7 @@ def _particles(msg: Message) -> str:
 
 def _wheels(msg: Message) -> str:
     t = from_ros.telemetry_of(msg).telemetry
-    fault = f", fault {t.fault.name.lower()}" if t.fault else ""
+    fault = f", fault: {FAULT_NAMES[t.fault]}" if t.fault else ""
     sides = f"{_side(t, 'left')}; {_side(t, 'right')}"
     return f"{sides}; {1e-3 * t.battery_mV:.2f} V; {t.state.name.lower()}{fault}"
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from thumper.board.board import Board, TelemetrySample
+from thumper.board.fault_texts import FAULT_NAMES
 from thumper.board.messages import Command, Fault, State
 from thumper.common.errors import EXIT_NOT_THERE, ThumperError
 from thumper_tuning.design.fixed_point import BoardGains
@@ -47,7 +48,7 @@ def next_sample(board: Board, state: State) -> TelemetrySample:
     sample = samples[-1]
     if sample.telemetry.fault != Fault.NONE:
         raise ThumperError(
-            f"the board has stopped the motors: {sample.telemetry.fault.name.lower()}; fix that first"
+            f"the board has stopped the motors: {FAULT_NAMES[sample.telemetry.fault]}; fix that first"
         )
     if sample.telemetry.state != state and state is State.CLOSED_LOOP:
         raise ThumperError(

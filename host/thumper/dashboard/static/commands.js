@@ -1,13 +1,15 @@
 // Command buttons and the emergency stop (button, Space; Esc if there is nothing to cancel).
-// An element with `data-command` sends the JSON message in that attribute on click.
+// An element with `data-command` sends the JSON message in that attribute on click; one that a fault blocks says why.
 
 import { beep } from "./beep.js";
+import { faultBlock, faultStart } from "./faults.js";
 import { noteRestart } from "./restart.js";
 import { on, send, state } from "./stream.js";
 
 const NOTICE_MS = 6000;
 const MAX_NOTICES = 3;
 const LINES = ".tp-reason, .tg-outcome, .tg-result"; // where the page says what happens, for as long as it is true
+const FAULT = ".tp-fault, .tg-fault";
 const EXPLORATION_ENDS = /^not back at the start: |^explored: |; back at the start$/;
 const OPEN_SELECT = ".q-menu, .q-dialog"; // Quasar closes these on Esc by itself
 
@@ -76,15 +78,20 @@ export function notify(text, kind) {
   setTimeout(() => notice.remove(), NOTICE_MS);
 }
 
-// Remove notices whose text stands in a line of the page, where the user can see it.
+// Remove notices whose text stands in a line or the box of a fault, where the user can see it.
 function removeRepeated() {
-  const lines = [...document.querySelectorAll(LINES)].filter((line) => {
-    const { top, bottom, height } = line.getBoundingClientRect();
-    return height > 0 && top >= 0 && bottom <= window.innerHeight;
-  }).map((line) => line.textContent.toLowerCase());
+  const lines = [...document.querySelectorAll(LINES)].filter(isInView).map((line) => line.textContent.toLowerCase());
+  const hasFault = [...document.querySelectorAll(FAULT)].some(isInView);
   for (const notice of document.querySelectorAll(".tp-notice")) {
-    if (lines.some((line) => line.includes(notice.dataset.text.toLowerCase()))) notice.remove();
+    const { text } = notice.dataset;
+    const isFault = hasFault && faultStart(text, state.values.status) >= 0;
+    if (isFault || lines.some((line) => line.includes(text.toLowerCase()))) notice.remove();
   }
+}
+
+function isInView(element) {
+  const { top, bottom, height } = element.getBoundingClientRect();
+  return height > 0 && top >= 0 && bottom <= window.innerHeight;
 }
 
 // Remove notices that are true no longer.
@@ -118,7 +125,9 @@ export function startCommands() {
   document.addEventListener("click", (event) => {
     const button = event.target.closest?.("[data-command]");
     if (!button) return;
-    if (!send(JSON.parse(button.dataset.command))) {
+    const blocked = faultBlock(state.values.status);
+    if (blocked && button.title === blocked) notify(blocked, "bad");
+    else if (!send(JSON.parse(button.dataset.command))) {
       notify("No connection to the dashboard server: the command was not sent.", "bad");
     }
   });
@@ -134,6 +143,7 @@ export function startCommands() {
   });
   let isSnapshot = false; // its events are old
   let hadFault = false;
+  let block = ""; // what a blocked button says
   on("snapshot", () => { isSnapshot = true; });
   on("packet", () => {
     isSnapshot = false;
@@ -142,7 +152,11 @@ export function startCommands() {
       document.querySelectorAll(".tp-notice.good").forEach((notice) => notice.remove());
       document.querySelector(".tp-fault details")?.setAttribute("open", ""); // each fault says once what to do
     }
-    if (hadFault && !hasFault) state.stopPressed = "";
+    if (hadFault && !hasFault) {
+      state.stopPressed = "";
+      if (block) removeNotices(block);
+    }
+    block = faultBlock(state.values.status);
     hadFault = hasFault;
     if (["closed_loop", "manual"].includes(document.body.dataset.board)) removeNotices("fault cleared");
     if (document.querySelector(".tp-notice")) removeRepeated();

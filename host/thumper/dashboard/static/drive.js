@@ -1,7 +1,7 @@
-// Manual driving: an on-screen joystick and the browser's gamepad. Both drive only while they are held;
+// Manual driving: an on-screen joystick, keys and the browser's gamepad. All drive only while they are held;
 // a release sends zero speed.
 
-import { emergencyStop } from "./commands.js";
+import { emergencyStop, isTyping } from "./commands.js";
 import { on, send, state } from "./stream.js";
 
 const PERIOD_MS = 50;
@@ -9,7 +9,12 @@ const DEADBAND = 0.1;
 const EXPO = 0.3; // share of the cubic term
 const KNOB_TRAVEL = 0.7; // of the joystick's radius
 const AXES = { forward: 1, turn: 2 }; // indices of the browser's standard gamepad mapping
-const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+const KEYS = { // right and down
+  w: [0, -1], a: [-1, 0], s: [0, 1], d: [1, 0],
+  arrowup: [0, -1], arrowleft: [-1, 0], arrowdown: [0, 1], arrowright: [1, 0],
+};
+// Here an arrow key has a meaning of its own, as on the map, which prevents its default.
+const TAKES_ARROWS = "select, input[type=range], .q-tabs, .q-menu";
 const BUTTONS = { deadman: 4, turbo: 5, stop: 1, override: 2, arm: 9 };
 
 // Joystick curve: deadband, then linear plus cubic (fine control at low speed).
@@ -23,6 +28,7 @@ function applyCurve(value) {
 class ManualDrive {
   constructor(root) {
     this.joystick = null; // [forward, left] while held
+    this.keys = new Set(); // those that are down
     this.turbo = false;
     this.shift = false;
     this.override = false; // drive although something is in the way, while its button or Shift is held
@@ -45,7 +51,7 @@ class ManualDrive {
 
   build(root) {
     root.innerHTML = `
-      <div class="tp-stick" role="application" aria-label="joystick: hold arrow keys to drive" tabindex="0"><div class="tp-knob"></div></div>
+      <div class="tp-stick" role="application" aria-label="joystick: hold W, A, S, D or arrow keys to drive" tabindex="0"><div class="tp-knob"></div></div>
       <div class="tp-stickside">
         <label class="tp-check"><input type="checkbox"> Turbo</label>
         <button type="button" class="tp-override" title="Hold this button or Shift to drive although something is in the way">Hold: ignore obstacles</button>
@@ -76,25 +82,32 @@ class ManualDrive {
     }
   }
 
-  // While the joystick has the focus, arrow keys drive as long as they are held.
+  // While the joystick is shown, its keys drive as long as they are held.
   addKeys() {
-    const held = new Set();
-    const onKey = (event, isDown) => {
-      if (!(event.key in ARROWS)) return;
+    document.addEventListener("keydown", (event) => {
+      const key = event.key.toLowerCase();
+      if (!this.isDriveKey(event, key)) return;
       event.preventDefault();
-      held[isDown ? "add" : "delete"](event.key);
-      const sum = [0, 1].map((axis) => [...held].reduce((total, key) => total + ARROWS[key][axis], 0));
-      if (held.size) this.setJoystick(...sum);
+      if (event.repeat) return; // after a release by other means, a key that is still down must not drive
+      this.keys.add(key);
+      this.moveByKeys();
+    });
+    document.addEventListener("keyup", (event) => {
+      if (!this.keys.delete(event.key.toLowerCase())) return;
+      if (this.keys.size) this.moveByKeys();
       else this.release();
-    };
-    this.area.addEventListener("keydown", (event) => onKey(event, true));
-    this.area.addEventListener("keyup", (event) => onKey(event, false));
-    const end = () => {
-      held.clear();
-      if (this.joystick) this.release();
-    };
-    this.area.addEventListener("blur", end);
-    window.addEventListener("blur", end);
+    });
+  }
+
+  isDriveKey(event, key) {
+    if (!(key in KEYS) || event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey) return false;
+    if (isTyping(event) || !this.area.checkVisibility()) return false;
+    return !(key.startsWith("arrow") && event.target.closest?.(TAKES_ARROWS));
+  }
+
+  moveByKeys() {
+    const sum = [0, 1].map((axis) => [...this.keys].reduce((total, key) => total + KEYS[key][axis], 0));
+    this.setJoystick(...sum.map((part) => Math.max(-1, Math.min(1, part))));
   }
 
   moveJoystick(event) {
@@ -116,6 +129,7 @@ class ManualDrive {
 
   release() {
     this.joystick = null;
+    this.keys.clear();
     this.override = false;
     this.knob.style.setProperty("--dx", 0);
     this.knob.style.setProperty("--dy", 0);
@@ -157,6 +171,7 @@ class ManualDrive {
   }
 
   update() {
+    if (this.keys.size && !this.area.checkVisibility()) this.release();
     const gamepad = this.readGamepad();
     const input = this.joystick ? [...this.joystick, this.turbo, this.override || this.shift] : gamepad;
     if (input) {
@@ -169,6 +184,7 @@ class ManualDrive {
 
   sendTeleop(forward, left, turbo, override = false) {
     send({ kind: "teleop", forward, left, turbo, override: Boolean(override) });
+    state.drivenMs = performance.now();
     const limits = state.values.limits;
     if (!limits) return;
     const scale = turbo ? 1 : limits.slow;

@@ -12,7 +12,7 @@ const MIN_HEADING_DRAG_PX = 12; // a shorter drag sets no heading
 export const TOOLS = {
   pan: { icon: "pan_tool", label: "Pan", title: "Pan: drag to move the map, scroll or pinch to zoom", key: "v" },
   goal: { icon: "flag", label: "Goal", title: "Goal: press at the position, drag to set the heading", key: "g" },
-  waypoints: { icon: "route", label: "Route", title: "Route: click the waypoints in order, drag for a heading, then press Drive", key: "w" },
+  waypoints: { icon: "route", label: "Route", title: "Route: click the waypoints in order, drag for a heading, then press Drive", key: "r" },
   pose: {
     icon: "assistant_navigation",
     label: "Pose",

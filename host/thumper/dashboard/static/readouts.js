@@ -1,5 +1,6 @@
 // Readouts and banner: each element with `data-field` shows the value of that field.
 
+import { faultBlock, faultStart } from "./faults.js";
 import { fixed } from "./numbers.js";
 import { endRestart, restartText } from "./restart.js";
 import { keyHint } from "./shortcuts.js";
@@ -10,8 +11,13 @@ const GONE_S = 5; // and for this long, there is no robot
 const NO_VALUE = "–";
 const EXPERIMENTS = { identify: "identifying motors", tune: "tuning wheels" };
 const SENSORS = ["camera", "gps", "imu"]; // of some robots; their parts of the page are hidden without them
-const BOARD_STATES = { CLOSED_LOOP: "armed", MANUAL: "manual (open loop)" };
+const MANUAL_TITLE = "PWM without speed control";
+const ARMED = ["CLOSED_LOOP", "MANUAL"];
+const DRIVEN_S = 1; // after this page's last manual command, the robot may still report it
 const NEEDS_MAP = "[data-tool]:not([data-tool=pan], [data-tool=layers])";
+const NEEDS_NO_FAULT = ["arm", "explore", "experiment"].map((name) => `[data-command*='"${name}"']`).join();
+const CANCEL = `[data-command*='"cancel"']`;
+const PAUSE = /^(waiting, |checking the charger|looking|choosing a frontier)/; // of a task whose motors are off meanwhile
 const SENSOR_SILENT_S = 3; // a sensor that sent nothing for this long has no current value
 
 const SENSOR_FIELDS = {
@@ -57,7 +63,8 @@ const FIELDS = {
     ? EXPERIMENTS[experiment.running] ?? formatName(experiment.running) : formatName(status?.mode)),
   reason: ({ status, experiment }) => (
     experiment?.running ? experiment.what : lostPose(status) || reasonText(status) || firstStep(status)),
-  board_state: (values) => BOARD_STATES[boardState(values)] ?? formatName(boardState(values)),
+  board_state: (values) => (isTuning(values) ? "tuning"
+    : boardState(values) === "CLOSED_LOOP" ? "armed" : formatName(boardState(values))),
   localization: ({ status }) => (isPoseLost(status) ? "pose lost" : status?.localization ?? ""),
   lost_words: ({ status }) => (isPoseLost(status) ? "pose lost" : "searching for the pose"),
   battery: ({ board }) => formatVolts(board?.battery_V),
@@ -94,14 +101,25 @@ const firstStep = (status) => (status?.mode?.toLowerCase() === "idle"
 // " with Esc", if this page has stopped the robot.
 const withWhat = () => (state.stopPressed ? ` with ${state.stopPressed}` : "");
 const isStop = (status) => status.fault_words === "emergency stop";
-const reasonText = (status) => (status?.reason === "emergency stop" && state.stopPressed
-  ? `emergency stop, pressed${withWhat()}` : status?.reason);
+function reasonText(status) {
+  if (status?.reason === "emergency stop" && state.stopPressed) return `emergency stop, pressed${withWhat()}`;
+  const reason = (status?.reason ?? "").replace(/^driven by teleop/, driver);
+  const fault = faultStart(reason, status);
+  return fault < 0 ? reason : reason.slice(0, fault); // the red box has the rest
+}
+
+// Pages and `thumper teleop` send the same messages.
+const driver = () => (performance.now() - state.drivenMs < 1000 * DRIVEN_S
+  ? "driven from this page" : "driven from another page or program");
 
 // Why the pose is lost, unless the robot drives: then its own reason is the more useful one.
 const lostPose = (status) => (status?.pose_lost && status.mode?.toLowerCase() !== "driving"
   ? `${isPoseLost(status) ? "pose lost" : "searching"}: ${status.pose_lost}` : "");
 
 const isPoseLost = (status) => Boolean(status?.localization?.startsWith("pose lost")); // also "while mapping"
+
+const isTuning = ({ board, status, experiment }) => Boolean(experiment?.running)
+  && ARMED.includes(boardState({ board, status }));
 
 const boardState = ({ board, status }) => board?.state ?? status?.board_state;
 
@@ -141,7 +159,7 @@ function refresh() {
     const { field } = element.dataset;
     const text = String(FIELDS[field]?.(DRAWN.has(field) ? state.shown : values) ?? "");
     if (element.textContent !== text) element.textContent = text;
-    if (field === "reason" && element.title !== text) element.title = text; // a low screen cuts it
+    if (field === "reason" && element.title !== text) element.title = text; // the line may cut it
   }
   const banner = document.getElementById("tp-banner");
   const [kind, usualText] = bannerContent(values, banner?.dataset.address, banner?.dataset.world);
@@ -162,14 +180,31 @@ function refresh() {
   flags.localization = (kind === "lost" ? "" : state.shown.status?.localization ?? "").replaceAll(" ", "_");
   flags.playback = Boolean(state.playback);
   flags.fault = Boolean(status.fault);
+  flags.goal = Boolean(state.shown.status?.has_goal);
   flags.board = (kind === "lost" ? "" : boardState(values) ?? "").toLowerCase();
-  const isArmed = ["closed_loop", "manual"].includes(flags.board);
+  const isArmed = ARMED.map((name) => name.toLowerCase()).includes(flags.board);
+  const chip = document.querySelector(".tp-board");
+  if (chip) chip.title = flags.board === "manual" ? MANUAL_TITLE : "Motor board";
   const isSilent = isMissing(values.silent_s) || values.silent_s > GONE_S;
   const isGone = Boolean(banner?.dataset.address) && state.connected && isSilent;
   for (const button of document.querySelectorAll("[data-command]")) button.disabled = isGone;
   for (const tool of document.querySelectorAll(NEEDS_MAP)) tool.disabled = isGone || !("map" in values);
+  for (const button of document.querySelectorAll(NEEDS_NO_FAULT)) setInactive(button, faultBlock(values.status));
+  for (const button of document.querySelectorAll(CANCEL)) setInactive(button, isAtRest(values) ? "Nothing is running" : "");
   document.querySelector(".tp-arm")?.setAttribute("aria-pressed", isArmed);
   flags.batteryLow = Boolean(values.board?.battery_low);
+}
+
+// Mark a button that can do nothing now with the reason; it keeps its place and takes the focus.
+function setInactive(button, why) {
+  if (why === (button.ariaDisabled ? button.title : "")) return;
+  button.ariaDisabled = why ? "true" : null;
+  button.title = why;
+}
+
+// Whether there is nothing to cancel.
+function isAtRest({ status, experiment }) {
+  return status?.mode?.toLowerCase() === "idle" && !status.has_goal && !experiment?.running && !PAUSE.test(status.reason);
 }
 
 // Whether the hint of a fault has its name in it, as in "the emergency stop was pressed".

@@ -7,8 +7,8 @@ const GENERAL = [
   ["Space", "Emergency stop; in a text field only while the motors are on"],
   ["Esc", "Cancel the tool, close a menu; else emergency stop"],
   ["Arrow keys, Enter", "On the map: move the cross-hair, use the tool there"],
-  ["Arrow keys", "On the joystick (focus it with Tab): drive while held"],
-  ["Shift", "While driving with the joystick: ignore obstacles"],
+  ["W A S D, arrow keys", "While the tab Drive is open: drive as long as they are held"],
+  ["Shift", "While driving: ignore obstacles"],
   ["?", "Show or hide this list"],
 ];
 

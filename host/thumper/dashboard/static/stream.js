@@ -18,10 +18,11 @@ const GRIDS = ["map", "local_costmap"];
 // or `server:` and the kind of a text message.
 const listeners = new Map();
 // `values` are the robot's; `shown` are those on the map: of the recording or saved map `playback`, else the robot's.
-// `heartbeats` is the number of the newest heartbeat sent, `stopPressed` what this page stopped the robot with.
+// `heartbeats` is the number of the newest heartbeat sent, `stopPressed` what this page stopped the robot with,
+// `drivenMs` when it last sent a manual command.
 export const state = {
   connected: false, pageId: "", packets: 0, heartbeats: 0, rttMs: null, values: {}, playback: "", banner: "",
-  stopPressed: "",
+  stopPressed: "", drivenMs: -Infinity,
 };
 state.shown = state.values;
 

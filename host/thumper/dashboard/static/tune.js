@@ -1,5 +1,6 @@
 // Experiments that the robot runs on its own: identify the motors, tune the wheels. Shows progress, result, report.
 
+import { faultBlock } from "./faults.js";
 import { on, send } from "./stream.js";
 
 const EXPERIMENTS = ["identify", "tune"];
@@ -33,6 +34,7 @@ export function tune(root) {
   let lastState = "";
   let running = "";
   let mode = "idle";
+  let fault = "";
   // A focused report would receive the keys, and Space must always reach the page's emergency stop.
   window.addEventListener("blur", () => setTimeout(() => {
     if (document.activeElement === reportFrame) reportFrame.blur();
@@ -40,10 +42,11 @@ export function tune(root) {
 
   const updateButtons = () => {
     const isOn = !running && !["idle", "experiment"].includes(mode);
-    for (const name of EXPERIMENTS) find(name).disabled = Boolean(running) || isOn || !laneClear.checked;
+    const isBlocked = isOn || (!running && fault !== "");
+    for (const name of EXPERIMENTS) find(name).disabled = Boolean(running) || isBlocked || !laneClear.checked;
     find("cancel").disabled = !running;
-    find("why").hidden = !isOn;
-    find("why").textContent = mode === "holding" ? "The motors are on: disarm the robot first."
+    find("why").hidden = !isBlocked;
+    find("why").textContent = !isOn ? `${fault}.` : mode === "holding" ? "The motors are on: disarm the robot first."
       : `The robot is ${mode}: stop it first.`;
   };
   laneClear.addEventListener("change", updateButtons);
@@ -53,8 +56,9 @@ export function tune(root) {
   find("cancel").addEventListener("click", () => send({ kind: "command", name: "cancel" }));
 
   on("status", (status) => {
-    if (status.mode.toLowerCase() === mode) return;
-    mode = status.mode.toLowerCase();
+    const now = [status.mode.toLowerCase(), faultBlock(status)];
+    if (now[0] === mode && now[1] === fault) return;
+    [mode, fault] = now;
     updateButtons();
   });
   on("experiment", (state) => {
