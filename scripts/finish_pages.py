@@ -4,6 +4,7 @@ Run: python scripts/finish_pages.py SITE [REPOSITORY] (part of `make docs`). Wit
 `git clone URL` becomes a command that can be copied, and the comment that explains URL goes. A formula is a
 ```math block that begins with \\begin{...}. The generator of the site knows no such language and writes plain
 text; GitHub draws it. A browser breaks a line after any hyphen, so `--out` became `-` and `-out` on a phone.
+In a narrow cell of a table it broke names anywhere; now it breaks them after a slash or an underscore.
 """
 
 import re
@@ -18,6 +19,8 @@ BLOCK = re.compile(
 )
 TAG = re.compile(r"<[^>]*>")
 CODE = re.compile(r"<code[ >].*?</code>", re.DOTALL)
+CELL = re.compile(r"<td[ >].*?</td>", re.DOTALL)
+BETWEEN_PARTS = re.compile(r"(?<=\w[/_])(?=[\w.])(?![^<]*>)")
 URL_COMMENT = re.compile(r'<span id="[^"]*"><a [^>]*></a> *<span class="c1"># URL: [^<]*</span>\n</span>')
 URL = re.compile(r'(clone<span class="w"> </span>)URL')
 OPTION = re.compile(r"(?<![\w&;-])--?[a-z][\w-]*(?![^<]*>)")
@@ -33,6 +36,7 @@ def finished(page: str, repository: str = "") -> str:
     """Return a page of the site with formulas drawn and options marked, which its style keeps in one line."""
     if repository:
         page = URL.sub(rf"\g<1>{repository}", URL_COMMENT.sub("", page))
+    page = CELL.sub(lambda cell: CODE.sub(lambda code: BETWEEN_PARTS.sub("<wbr>", code[0]), cell[0]), page)
     return CODE.sub(
         lambda code: OPTION.sub(r'<span class="option">\g<0></span>', code[0]), BLOCK.sub(_drawn, page)
     )

@@ -22,6 +22,7 @@ DRAWINGS = sorted(path.name for path in (DOCS / "images").glob("*.svg") if "<tex
 SOURCES = [page.relative_to(DOCS).with_suffix("") for page in DOCS.rglob("*.md") if page.name != "README.md"]
 PAGES = sorted((page.as_posix() for page in SOURCES), reverse=True)
 COMMAND = re.compile(r"(thumper [a-z]|make |pytest |sudo |git |pip |cd |source |\.venv/)")
+LONGEST_COMMENT = 47  # characters of code in a line of 390 px
 CLEAR_PX = 6
 QUIET = "reference/glossary.html"  # the front page keeps a core busy with its robot
 FENCE = re.compile(r"^ *```.*?^ *```$", re.DOTALL | re.MULTILINE)
@@ -55,6 +56,20 @@ COLLISIONS = """(clear_px) => {
   return found;
 }"""
 """Texts less than `clear_px` beside a text or a box's edge, or on a line that is not under a box."""
+
+
+BROKEN_WORDS = """() => [...document.querySelectorAll("article td code")].flatMap((code) => {
+  const texts = document.createTreeWalker(code, 4), found = [], range = document.createRange();
+  for (let text; (text = texts.nextNode()); )
+    for (let i = 1; i < text.length; i++) {
+      range.setStart(text, i - 1), range.setEnd(text, i + 1);
+      const tops = [...range.getClientRects()].map((one) => one.top);
+      const broken = Math.max(...tops) - Math.min(...tops) > 6;
+      if (broken && /\\w\\w/.test(range.toString())) found.push(code.innerText);
+    }
+  return found;
+})"""
+"""Names and paths in tables that a line breaks between two letters."""
 
 
 class Lists(HTMLParser):
@@ -383,6 +398,25 @@ def test_code_fits_a_wide_window_and_commands_wrap_on_a_phone(browser: Browser, 
         for width, kinds in ((1440, "article pre > code"), (390, commands)):
             page.set_viewport_size({"width": width, "height": 900})
             assert page.evaluate(cut, kinds) == [], (name, width)
+    page.close()
+
+
+def test_comments_of_commands_fit_a_phone() -> None:
+    """A comment that wraps looks like a command."""
+    for page in [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]:
+        for indent, block in re.findall(
+            r"^( *)```(?:sh|console)\n(.*?)^ *```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+        ):
+            lines = [line.removeprefix(indent) for line in block.splitlines()]
+            comments = [line for line in lines if re.search(r"(^|\s)# ", line)]
+            assert [line for line in comments if len(line) > LONGEST_COMMENT] == [], page
+
+
+@pytest.mark.parametrize("name", ["howto/troubleshooting", "explanation/safety", "explanation/slam"])
+def test_a_name_in_a_table_breaks_between_its_parts(browser: Browser, pages: Path, name: str) -> None:
+    page = browser.new_page(viewport={"width": 375, "height": 844}, is_mobile=True)
+    page.goto((pages / f"{name}.html").as_uri())
+    assert page.evaluate(BROKEN_WORDS) == []
     page.close()
 
 
