@@ -21,7 +21,7 @@ class Pedestrian:
     """A person who walks along waypoints, shape (n, 2), back and forth, or once if not `returns`.
 
     The lidar sees a circle, which stops before it walks into the robot. With a `leg_radius_m` above 0 it sees
-    two legs, and the person does not stop.
+    two legs; the person does not stop for the robot, but turns back where a leg has walked into it.
     """
 
     waypoints_m: FloatArray

@@ -18,7 +18,7 @@ class Scene:
     """A world with its timed obstacles and people; `world` is its current state.
 
     Call `step` as time passes. People without legs stop before they would walk into the robot's footprint;
-    `bumps` counts these stops. People with legs walk on; the bench judges their contacts.
+    `bumps` counts these stops. People with legs walk into it and turn back; the bench judges their contacts.
     """
 
     def __init__(self, world: World) -> None:
@@ -81,7 +81,9 @@ class _Person:
         self.walker = walker
         steps_m = np.hypot(*np.diff(walker.waypoints_m, axis=0).T)
         self._along_m = np.concatenate([[0.0], np.cumsum(steps_m)])
-        self._walked_m = 0.0
+        self._walked_m = 0.0  # for the gait
+        self._cycle_m = 0.0  # along the waypoints and back
+        self._end_m = float(self._along_m[-1])  # of who does not return
         self._is_blocked = False
         self.has_bumped = False
         self.position_m = self._position(0.0)
@@ -91,36 +93,49 @@ class _Person:
         self.has_bumped = False
         if time_s < self.walker.from_s:
             return False
-        walked_m = self._walked_m + self.walker.speed_m_s * elapsed_s
+        cycle_m = self._cycle_m + self.walker.speed_m_s * elapsed_s
         if not self.walker.returns:
-            walked_m = min(walked_m, float(self._along_m[-1]))
-        if walked_m == self._walked_m:
+            cycle_m = min(cycle_m, self._end_m)
+        if cycle_m == self._cycle_m:
             return False
-        position_m = self._position(walked_m)
-        circle = np.array([[*position_m, self.walker.radius_m]])
-        stops = not self.walker.leg_radius_m
-        blocked = stops and polygon_clearance_m(footprint_m, NO_SEGMENTS, circle) <= 0.0
-        self.has_bumped = blocked and not self._is_blocked
-        self._is_blocked = blocked
-        if blocked:
-            return False
-        self._walked_m, self.position_m = walked_m, position_m
+        position_m = self._position(cycle_m)
+        was_blocked = self._is_blocked
+        if not self.walker.leg_radius_m:
+            self._is_blocked = _touches(footprint_m, np.array([[*position_m, self.walker.radius_m]]))
+            self.has_bumped = self._is_blocked and not was_blocked
+            if self._is_blocked:
+                return False
+        self._walked_m += cycle_m - self._cycle_m
+        self._cycle_m, self.position_m = cycle_m, position_m
+        if self.walker.leg_radius_m:
+            self._is_blocked = _touches(footprint_m, self.legs_m())
+            if self._is_blocked and not was_blocked:
+                self._turn_back()
         return True
 
     def legs_m(self) -> FloatArray:
         """Return both legs as circles, shape (2, 3)."""
-        arrived = not self.walker.returns and self._walked_m == self._along_m[-1]
-        here_m = self._position(self._walked_m - 0.01) if arrived else self.position_m
-        ahead_m = self.position_m if arrived else self._position(self._walked_m + 0.01)
+        arrived = not self.walker.returns and self._cycle_m == self._end_m
+        here_m = self._position(self._cycle_m - 0.01) if arrived else self.position_m
+        ahead_m = self.position_m if arrived else self._position(self._cycle_m + 0.01)
         heading_rad = math.atan2(ahead_m[1] - here_m[1], ahead_m[0] - here_m[0])
         return legs_m(self.position_m, heading_rad, self._walked_m, self.walker.leg_radius_m)
 
-    def _position(self, walked_m: float) -> tuple[float, float]:
-        length_m = self._along_m[-1]
-        cycle_m = walked_m % (2.0 * length_m)
+    def _turn_back(self) -> None:
+        length_m = float(self._along_m[-1])
+        self._cycle_m = 2.0 * length_m - self._cycle_m % (2.0 * length_m)
+        self._end_m = length_m if self._cycle_m < length_m else 2.0 * length_m
+
+    def _position(self, cycle_m: float) -> tuple[float, float]:
+        length_m = float(self._along_m[-1])
+        cycle_m %= 2.0 * length_m
         along_m = min(cycle_m, 2.0 * length_m - cycle_m)
         x_m, y_m = (np.interp(along_m, self._along_m, self.walker.waypoints_m[:, axis]) for axis in (0, 1))
         return float(x_m), float(y_m)
+
+
+def _touches(footprint_m: FloatArray, circles_m: FloatArray) -> bool:
+    return polygon_clearance_m(footprint_m, NO_SEGMENTS, circles_m) <= 0.0
 
 
 def _present(timed: tuple[TimedObstacle, ...], time_s: float) -> tuple[TimedObstacle, ...]:

@@ -61,17 +61,25 @@ def test_legs_step_in_turn_one_rests_while_the_other_swings() -> None:
     assert np.ptp(feet[:, :, 0].mean(axis=1) - walked_m) < 1e-9
 
 
-def test_people_with_legs_do_not_stop(tmp_path: Path) -> None:
+@pytest.mark.parametrize("returns", ["true", "false"])
+def test_people_with_legs_walk_into_the_robot_and_turn_back(returns: str, tmp_path: Path) -> None:
     from thumper_hil.world.scene import Scene
 
-    scene = Scene(
-        load(tmp_path, "[[person]]\nwaypoints_m = [[-3, 0], [3, 0]]\nleg_radius_m = 0.06\nspeed_m_s = 1.0\n")
-    )
-    for tick in range(300):
+    walker = "[[person]]\nwaypoints_m = [[-3, 0], [3, 0]]\nleg_radius_m = 0.06\nspeed_m_s = 1.0\n"
+    scene = Scene(load(tmp_path, f"{walker}returns = {returns}\n"))
+    legs_m = []
+    for tick in range(500):
         scene.step(0.01 * tick, 0.01, FOOTPRINT_M)
-    assert abs(scene.world.legs_m[:, 0].mean()) < 0.05  # it walked into the robot at the origin
-    assert scene.bumps == 0
-    assert scene.world.cast(-2.0, 0.1, 0.0)[0] < 2.5
+        legs_m.append(scene.world.legs_m)
+    x_m = np.array(legs_m)[:, :, 0]
+    half_length_m = FOOTPRINT_M[:, 0].max()
+    assert -half_length_m - 0.06 <= x_m.max() < -half_length_m - 0.04  # its step into the robot
+    assert x_m[-1].mean() < -2.0
+    swapped = np.array([legs[::-1] for legs in legs_m])
+    steps_m = np.abs(np.diff(legs_m, axis=0)).max(axis=(1, 2))
+    steps_m = np.minimum(steps_m, np.abs(swapped[1:] - legs_m[:-1]).max(axis=(1, 2)))
+    assert steps_m.max() < 0.021  # no leg jumps: the two are swapped at a turn
+    assert scene.bumps == 0  # the bench counts it
 
 
 def test_a_person_who_does_not_return_stays_at_the_end_in_step(tmp_path: Path) -> None:
