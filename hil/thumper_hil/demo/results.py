@@ -18,7 +18,7 @@ from rich.table import Table
 
 from thumper.board.messages import SCHEMA_HASH
 from thumper.cli.output.run_report import draw_speeds
-from thumper.common.colours import GREEN, ORANGE
+from thumper.common.colours import GREEN, ORANGE, UNKNOWN_COLOUR
 from thumper.common.files import write_text
 from thumper.common.version import __version__
 from thumper.maps.map_server_io import save_map
@@ -168,15 +168,19 @@ def _markdown(rows: list[tuple[str, str, str]]) -> str:
 
 
 def _picture_of_missions(path: Path, outcomes: Sequence[Outcome]) -> None:
-    figure = Figure(figsize=(7 * len(outcomes), 6.5), layout="constrained")
-    for axes, outcome in zip(figure.subplots(1, len(outcomes)), outcomes, strict=True):
+    figure = Figure(figsize=(4 * len(outcomes), 4.7), layout="constrained")
+    columns = figure.subplots(1, len(outcomes), sharex=True, sharey=True)
+    for axes, outcome in zip(columns, outcomes, strict=True):
         draw_grid(axes, outcome.grid)
+        axes.set_facecolor(UNKNOWN_COLOUR)
+        axes.label_outer()
         draw_drive(axes, outcome.log)
         mission, truth = outcome.mission, outcome.truth
         axes.plot(truth[:, 1], truth[:, 2], color=GREEN, linewidth=1.2, label="ground truth")
         axes.plot(mission.start.x_m, mission.start.y_m, "o", color=GREEN, markersize=8, label="start")
         axes.plot(mission.goal_x_m, mission.goal_y_m, "*", color=ORANGE, markersize=14, label="goal")
         error_cm = 100 * outcome.goal_error_m
-        axes.set_title(f"{mission.title}: {error_cm:.1f} cm from the goal, {outcome.collisions} collisions")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=9)
+        seconds = f"{outcome.result.time_s:.1f} s, {error_cm:.1f} cm from the goal"
+        axes.set_title(f"{mission.title}\n{seconds}, {outcome.collisions} collisions", fontsize=11)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=10)
     save_figure(figure, path, 110)

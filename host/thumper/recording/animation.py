@@ -1,6 +1,6 @@
 """Draw a recording as an animated picture: the map grows while the robot drives."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -64,10 +64,11 @@ def animate(recording: Recording, path: Path, speed: float) -> int:
         raise ThumperError(
             f"{recording.name}: it has no pose of the robot; draw its map with --png", exit_code=EXIT_USAGE
         )
-    step_s = max(speed / FRAMES_PER_S, (poses[-1].time_s - poses[0].time_s) / MAX_FRAMES)
+    first = _first_to_show(poses)
+    step_s = max(speed / FRAMES_PER_S, (poses[-1].time_s - poses[first].time_s) / MAX_FRAMES)
     picture = _Picture(final, np.array(run.config.footprint.vertices_m), step_s * FRAMES_PER_S)
-    frames, next_s = [], poses[0].time_s
-    for k, moment in enumerate(poses):
+    frames, next_s = [], poses[first].time_s
+    for k, moment in enumerate(poses[first:], first):
         if moment.time_s >= next_s or k == len(poses) - 1:
             frames.append(picture.draw(moment, driven_m[: k + 1], moment.time_s - poses[0].time_s))
             next_s += step_s
@@ -105,6 +106,11 @@ def _moments(recording: Recording, base_from_laser: Pose2) -> Iterator[_Moment]:
                 pose = from_ros.pose_of(message.pose.pose)
                 now = replace(now, time_s=recorded.log_ns / 1e9, pose=pose)
                 yield now
+
+
+def _first_to_show(poses: Sequence[_Moment]) -> int:
+    """Return the index of the first pose with a map and a scan: a still shows the first frame alone."""
+    return next((k for k, one in enumerate(poses) if one.grid is not None and one.echoes_m.size), 0)
 
 
 class _Picture:

@@ -8,7 +8,7 @@ from benchmarks.shared.recorded_run import RUN, cycles
 from PIL import Image
 
 from tests.variants import some_of
-from thumper.common.colours import BLUE
+from thumper.common.colours import BLUE, FREE_COLOUR, RED
 from thumper.common.errors import ThumperError
 from thumper.recording.animation import LONG_SIDE_PX, animate
 from thumper.recording.reader import Recording
@@ -47,6 +47,15 @@ def test_robot_moves_through_the_frames(drive: Recording, tmp_path: Path, suffix
     way_px = places[1] - places[0]
     assert way_px[0] > 20
     assert abs(way_px[1]) < 10
+
+
+def test_first_frame_has_a_map_and_a_scan(drive: Recording, tmp_path: Path) -> None:
+    animate(drive, tmp_path / "drive.webp", speed=1.0)
+    with Image.open(tmp_path / "drive.webp") as picture:
+        pixels = np.asarray(picture.convert("RGB")).astype(int)
+    for colour in (FREE_COLOUR, RED):
+        rgb = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+        assert (np.abs(pixels - rgb).max(axis=2) < 40).sum() > 5, colour
 
 
 def test_long_drive_is_played_faster(
