@@ -24,7 +24,10 @@ KERNELS = {
     f"{folder}/kernels": f"{Path(folder).name}/kernels"
     for folder in ("host/thumper", "hil/thumper_hil", "tuning/thumper_tuning")
 }
-SET_UP = ("99-thumper.rules", "thumper.service", "foxglove-layout.json")
+SET_UP = {
+    f"packaging/{name}": name for name in ("99-thumper.rules", "thumper.service", "foxglove-layout.json")
+}
+SET_UP |= {"docs/images/wiring.svg": "wiring.svg"}
 
 
 class FirmwareHook(BuildHookInterface):  # type: ignore[type-arg]
@@ -46,7 +49,7 @@ class FirmwareHook(BuildHookInterface):  # type: ignore[type-arg]
             for board, folder in BOARDS.items()
             for suffix in ("elf", "hex")
         }
-        build_data["force_include"] |= {f"packaging/{name}": f"thumper/packaging/{name}" for name in SET_UP}
+        build_data["force_include"] |= {path: f"thumper/packaging/{name}" for path, name in SET_UP.items()}
         other_machine = not sysconfig.get_platform().endswith(os.uname().machine)
         if kernels := find_spec("numba") is not None and not other_machine:
             paths = os.pathsep.join(str(root / folder) for folder in ("host", "hil", "tuning"))

@@ -136,7 +136,7 @@ class Guided:
 def bare_board_to_running_robot(walk: Guided) -> None:
     """Choose the simulated robot, flash its bare board, turn its wheels and start it on the floor."""
     walk.picture("1-robot")
-    walk.click("Simulated robot")
+    walk.click("Use a simulated robot")
     walk.done("robot", "flash")
     walk.retried("flash", "check", ("Flash",))
     walk.picture("3-check")

@@ -61,6 +61,8 @@ def open_last_steps(tmp_path: Path) -> None:
             expect(walk.page.locator("[data-tool=goal]")).to_be_disabled()
             walk.page.evaluate("thumper.state.values.map = {}")
             expect(walk.page.locator("[data-tool=goal]")).to_have_class("on")
+            expect(walk.page.locator(".tp-toolbar")).to_be_visible()
+            expect(walk.page.locator(".tg-wiring")).to_be_hidden()
             expect(walk.page.locator(".tg-now")).to_have_count(1)
         with walk.server("done"):
             expect(walk.page.locator(".tg-now")).to_contain_text("The robot is set up")
@@ -80,14 +82,21 @@ def follow(tmp_path: Path) -> None:
             expect(page).to_have_url(re.compile("/setup$"))  # the dashboard has no robot to show yet
             banner = page.locator("#tp-banner")  # the page has a connection for STOP
             expect(banner).to_have_text("No robot is running yet: step 4 starts it.")
+            page.set_viewport_size(TABLET)
+            drawing = page.get_by_alt_text("Battery, board, motors")
+            expect(drawing).to_be_visible()
+            assert drawing.evaluate("one => one.naturalWidth") > 0
+            for part in (".tp-toolbar", ".tp-chips", ".tp-state"):
+                expect(page.locator(part)).to_be_hidden()  # there is no map yet
             check_contrast(page)
             page.get_by_label("World of a simulated robot").click()
             page.get_by_role("option", name="House").click()
-            walk.click("Simulated robot")
+            walk.click("Use a simulated robot")
             walk.done("robot", "flash")
             walk.retried("flash", "check", ("Flash",))
             walk.click("Turn the wheels")
-            expect(page.locator(".tg-output")).to_contain_text("pass")  # seconds before the wheels turn
+            expect(page.locator(".tg-output")).to_contain_text("firmware")  # seconds before the wheels turn
+            expect(page.locator(".tg-output")).not_to_contain_text("USB")
             expect(page.get_by_role("button", name="Turn the wheels")).to_have_count(0)
             expect(page.get_by_role("button", name="Cancel")).to_be_enabled()
             stop = page.locator(".tp-estop").bounding_box()

@@ -1,6 +1,8 @@
 """Layout of the guide's page: the steps on one side, the map on the other."""
 
 import asyncio
+import base64
+from pathlib import Path
 
 from nicegui import app as nicegui_app
 from nicegui import ui
@@ -15,6 +17,9 @@ from thumper.dashboard.widgets import STATIC, Widget, begin_page, box, button, i
 
 PERIOD_S = 0.25
 SHOWN_LINES = 12
+WIRING = "wiring.svg"
+IN_WHEEL = Path(__file__).parents[2] / "packaging" / WIRING
+IN_SOURCES = Path(__file__).resolve().parents[4] / "docs" / "images" / WIRING
 SHOW_STEP = "document.querySelector('.tg-now')?.scrollIntoView({block: 'center'})"
 # The map's tools may not be there yet when the page opens at this step, and need the map.
 SELECT_GOAL_TOOL = """(function select() {
@@ -50,7 +55,7 @@ def add_guide(guide: Guide, robot: WatchedBus, options: PageOptions, commands: P
 
 def _build_page(guide: Guide, options: PageOptions) -> None:
     """Build the page for one browser."""
-    begin_page("style.css", "guide.css")
+    begin_page("uplot/uPlot.min.css", "style.css", "guide.css")
     with ui.element("header").classes("tp-header"):
         inline(
             '<b class="tp-brand">Thumper</b><span>First run</span><span class="tp-chips">'
@@ -66,6 +71,9 @@ def _build_page(guide: Guide, options: PageOptions) -> None:
             with box("tg-manual"):
                 Widget("drive").classes("tp-drive")
         with box("tg-right"):
+            with box("tg-wiring"):  # until there is a map
+                ui.label("How the parts are connected").classes("tg-title")
+                inline(f'<img src="{_wiring()}" alt="Battery, board, motors, encoders, computer and lidar">')
             with box("tp-mapbox"):
                 Widget("map", {"footprint": options.footprint_m}).classes("tp-map")
             with box("tp-state"):
@@ -73,6 +81,7 @@ def _build_page(guide: Guide, options: PageOptions) -> None:
                     '<span class="tp-mode" data-field="mode"></span>'
                     '<span class="tp-reason" data-field="reason"></span>'
                 )
+            Widget("charts", {"open": True}).classes("tp-wheels")
     with box("tg-fault").props("role=alert"):
         inline('<b data-field="fault_words"></b><span data-field="fault_cure"></span>')
         inline("<span>Clear the fault when it is safe. Then press the button of the step again.</span>")
@@ -83,6 +92,12 @@ def _build_page(guide: Guide, options: PageOptions) -> None:
         inline("<b>STOP</b><small>Space</small>")
     view = GuideView(guide, main, steps)
     ui.timer(PERIOD_S, view.refresh, immediate=True)
+
+
+def _wiring() -> str:
+    """Return the wiring drawing as the address of an image: inline, its style would apply to the page."""
+    drawing = IN_WHEEL if IN_WHEEL.exists() else IN_SOURCES
+    return f"data:image/svg+xml;base64,{base64.b64encode(drawing.read_bytes()).decode()}"
 
 
 class GuideView:

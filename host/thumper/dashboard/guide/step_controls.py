@@ -82,7 +82,7 @@ class StepControls:
             self._button("Search again", self._search, main=False)
         self._select("World of a simulated robot", "_world", {label: label for label in WORLDS})
         with box("tp-buttons"):
-            self._button("Simulated robot", self._choose_simulated, main=not (ports or is_there))
+            self._button("Use a simulated robot", self._choose_simulated, main=not (ports or is_there))
 
     async def _choose(self) -> None:
         ports = Ports(board=self._board, lidar=self._lidar, lidar_model=self._model)

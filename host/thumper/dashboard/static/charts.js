@@ -28,12 +28,13 @@ const PLOTS = [
 const labelSpace = (_chart, _axis, _low, _high, height) => Math.max(10, height / 4);
 
 class Charts {
-  constructor(root) {
+  // A chart that is not `open` is closed at first on a low screen.
+  constructor(root, { open = false }) {
     this.rows = []; // each in the order of COLUMNS
     this.shown = []; // those in the time window
     this.frozen = false;
     this.window_s = 30;
-    this.addToolbar(root);
+    this.addToolbar(root, open);
     const grid = root.appendChild(document.createElement("div"));
     grid.className = "tp-charts";
     this.plots = PLOTS.map((plot) => this.addPlot(grid, plot));
@@ -48,7 +49,7 @@ class Charts {
     on("opened", () => { if (!this.frozen) this.rows = []; });
   }
 
-  addToolbar(root) {
+  addToolbar(root, isOpen) {
     const bar = root.appendChild(document.createElement("div"));
     bar.className = "tp-chartbar";
     const title = bar.appendChild(document.createElement("h2"));
@@ -61,7 +62,7 @@ class Charts {
       toggle.setAttribute("aria-expanded", open);
     };
     toggle.addEventListener("click", () => setOpen(root.classList.contains("tp-closed")));
-    setOpen(!window.matchMedia(LOW_SCREEN).matches);
+    setOpen(isOpen || !window.matchMedia(LOW_SCREEN).matches);
     const windowSelect = bar.appendChild(document.createElement("select"));
     windowSelect.setAttribute("aria-label", "time window");
     for (const seconds of WINDOWS_S) {
@@ -182,6 +183,6 @@ class Charts {
   }
 }
 
-export function charts(root) {
-  root.charts = new Charts(root);
+export function charts(root, options) {
+  root.charts = new Charts(root, options);
 }

@@ -11,6 +11,7 @@ const GONE_S = 5; // and for this long, there is no robot
 const NO_VALUE = "–";
 const EXPERIMENTS = { identify: "identifying motors", tune: "tuning wheels" };
 const SENSORS = ["camera", "gps", "imu"]; // of some robots; their parts of the page are hidden without them
+const MOTORS = { armed: "armed; the wheels hold still", disarmed: "disarmed; the motors are off" }; // as answers say it
 const MANUAL_TITLE = "PWM without speed control";
 const ARMED = ["CLOSED_LOOP", "MANUAL"];
 const DRIVEN_S = 1; // after this page's last manual command, the robot may still report it
@@ -103,7 +104,7 @@ const withWhat = () => (state.stopPressed ? ` with ${state.stopPressed}` : "");
 const isStop = (status) => status.fault_words === "emergency stop";
 function reasonText(status) {
   if (status?.reason === "emergency stop" && state.stopPressed) return `emergency stop, pressed${withWhat()}`;
-  const reason = (status?.reason ?? "").replace(/^driven by teleop/, driver);
+  const reason = MOTORS[status?.reason] ?? (status?.reason ?? "").replace(/^driven by teleop/, driver);
   const fault = faultStart(reason, status);
   return fault < 0 ? reason : reason.slice(0, fault); // the red box has the rest
 }
@@ -180,6 +181,7 @@ function refresh() {
   flags.localization = (kind === "lost" ? "" : state.shown.status?.localization ?? "").replaceAll(" ", "_");
   flags.playback = Boolean(state.playback);
   flags.fault = Boolean(status.fault);
+  flags.map = "map" in values;
   flags.goal = Boolean(state.shown.status?.has_goal);
   flags.board = (kind === "lost" ? "" : boardState(values) ?? "").toLowerCase();
   const isArmed = ARMED.map((name) => name.toLowerCase()).includes(flags.board);
