@@ -49,7 +49,11 @@ from thumper.runtime.service.request_queue import RequestQueue
 PERIOD_S = 0.1
 WIDTH_M, HEIGHT_M, CELL_M = 4.0, 3.0, 0.05
 BEAMS = 682
-ANSWERS = {"explore": "exploring: explore", "clear_fault": "fault cleared; the motors are off"}  # to commands
+ANSWERS = {  # to commands
+    "arm": "armed; the wheels hold still",
+    "explore": "exploring: explore",
+    "clear_fault": "fault cleared; the motors are off",
+}
 BASE_FROM_LASER = Pose2(x_m=0.12)
 
 

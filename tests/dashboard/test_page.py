@@ -277,10 +277,10 @@ def test_a_notice_goes_when_it_is_true_no_longer(page: Page) -> None:
     notices = page.locator(".tp-notice")
     expect(notices).to_have_text(["fault cleared; the motors are off"])
     page.click(".tp-arm")
-    expect(notices).to_have_text(["done: arm"])
+    expect(notices).to_have_text(["armed; the wheels hold still"])
     page.click(".tp-estop")
     expect(page.locator(".tp-fault")).to_be_visible()
-    expect(notices).to_have_count(0, timeout=3_000)  # by itself it would stay for 6 s
+    expect(notices).to_have_count(0, timeout=2_000)  # by itself it would stay for 4 s
 
 
 def test_a_notice_does_not_repeat_the_line_below_the_map(page: Page, robot: FakeRobot) -> None:
@@ -289,7 +289,7 @@ def test_a_notice_does_not_repeat_the_line_below_the_map(page: Page, robot: Fake
     robot.event(explored)
     expect(notices).to_have_text([explored])
     robot.reason = explored
-    expect(notices).to_have_count(0, timeout=3_000)  # by itself it would stay for 6 s
+    expect(notices).to_have_count(0, timeout=2_000)  # by itself it would stay for 4 s
     page.set_viewport_size({"width": 390, "height": 500})
     page.locator(".tp-charts > div").last.scroll_into_view_if_needed()
     robot.event(explored)

@@ -3,9 +3,11 @@
 import itertools
 import re
 
+from benchmarks.shared.browser import Server, open_page
 from benchmarks.shared.fake_robot import FakeRobot
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
+from tests.page_checks import PHONE
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
 from thumper.runtime.requests import Query
@@ -83,6 +85,73 @@ def test_the_status_line_keeps_its_height(page: Page, robot: FakeRobot) -> None:
         robot.reason, robot.goal = 20 * "a long reason ", Pose2(x_m=1.0, y_m=1.0)
         expect(page.locator(".tp-reason")).to_have_attribute("title", re.compile("long reason"))
         assert page.locator(".tp-state").bounding_box() == before
+
+
+def test_charts_are_high_on_a_large_screen_and_leave_the_map_its_place(page: Page) -> None:
+    for size in ((1440, 900), (1280, 800)):
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        page.wait_for_timeout(300)  # the charts follow their boxes
+        heights = page.locator(".tp-charts .u-over").evaluate_all("all => all.map((one) => one.clientHeight)")
+        assert min(heights) > 110, size
+        boxes = [page.locator(name).bounding_box() for name in (".tp-map", ".tp-state", ".tp-wheels")]
+        assert all(boxes)
+        for above, below in itertools.pairwise(box for box in boxes if box):
+            assert above["y"] + above["height"] <= below["y"]
+        assert boxes[2] is not None
+        assert boxes[2]["y"] + boxes[2]["height"] <= size[1]
+        page.locator("text=manual driving and tuning stop").click(trial=True)  # no scrolling to the last line
+        page.click("text=Wheels")
+        expect(page.locator(".tp-charts")).to_be_hidden()
+        page.click("text=Wheels")
+
+
+def test_a_phone_keeps_the_speeds_in_view_beside_gains_and_while_tuning(page: Page) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    charts = page.locator(".tp-charts > div")
+    for tab in ("gains", "tune"):
+        page.click(f".tp-tab-{tab}")
+        expect(charts.nth(0)).to_be_in_viewport(ratio=1.0)
+        expect(charts.nth(1)).to_be_in_viewport(ratio=1.0)
+        expect(charts.nth(2)).to_be_hidden()
+    page.click(".tp-tab-gains")
+    page.locator("[data-gain=kv]").scroll_into_view_if_needed()
+    expect(charts.nth(0)).to_be_in_viewport(ratio=1.0)
+    stop, chart = page.locator(".tp-estop").bounding_box(), charts.nth(0).bounding_box()
+    assert stop is not None
+    assert chart is not None
+    assert chart["y"] + chart["height"] < stop["y"] / 2
+    page.click(".tp-tab-drive")
+    expect(charts.nth(2)).to_be_visible()
+
+
+def test_a_device_without_a_keyboard_reads_of_no_key(page: Page, browser: Browser, server: Server) -> None:
+    page.click(".tp-tab-tune")
+    expect(page.locator(".tp-tune p").first).to_contain_text("press Space or Cancel")
+    phone = browser.new_page(viewport=PHONE, is_mobile=True, has_touch=True)
+    open_page(phone, server)
+    phone.click(".tp-tab-tune")
+    expect(phone.locator(".tp-tune p").first).to_contain_text("press STOP or Cancel")
+    phone.close()
+
+
+def test_a_notice_on_a_low_screen_is_short_and_covers_no_control(page: Page, robot: FakeRobot) -> None:
+    page.set_viewport_size({"width": 1024, "height": 600})
+    page.reload()
+    robot.reason = "armed"
+    expect(page.locator(".tp-reason")).to_have_text("armed; the wheels hold still")
+    page.click(".tp-arm")
+    page.click("text=Save map")
+    notice = page.locator(".tp-notice")
+    expect(notice).to_have_text(["done: save_map"])  # the status line has the answer to Arm
+    box, state, panels = (
+        page.locator(name).bounding_box() for name in (".tp-notice", ".tp-state", ".tp-right")
+    )
+    assert box is not None
+    assert state is not None
+    assert panels is not None
+    assert box["y"] + box["height"] <= state["y"]
+    assert box["x"] + box["width"] <= panels["x"]
+    expect(notice).to_have_count(0, timeout=5_500)  # bad ones stay for 6 s
 
 
 def test_the_box_of_a_fault_folds_up_until_the_next_fault(page: Page, robot: FakeRobot) -> None:

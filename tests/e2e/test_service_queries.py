@@ -37,10 +37,11 @@ def test_parameters_of_which_the_board_refuses_one_all_stay(service: Service) ->
     service.put(RobotCommand(name="arm"))
     assert "it is armed; disarm it first" in service.ask("parameters/set", wanted)["error"]
     assert service.ask("parameters/get")["values"] == before
+    assert service.events[-1] == "armed"
     service.put(RobotCommand(name="disarm"))
     values = service.ask("parameters/set", wanted)["values"]
     assert {name: round(value) for name, value in values.items()} == wanted
-    assert service.events[-1] == f"parameters set: {board_parameters.described(values)}"
+    assert service.events[-2:] == ["disarmed", f"parameters set: {board_parameters.described(values)}"]
 
 
 def test_the_log_shows_parameters_as_precisely_as_the_wire_does() -> None:

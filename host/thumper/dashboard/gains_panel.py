@@ -61,7 +61,9 @@ class GainsPanel:
             self._undo = self._button("Undo", self._on_undo, "tp-plain")
             self._revert = self._button("Revert", self._on_revert, "tp-plain")
             self._button("Save", self._on_save, "tp-plain")
-        self._message = ui.html("", tag="p", sanitize=False).classes("tp-message").props("role=status")
+        self._message = (
+            ui.html("", tag="p", sanitize=False).classes("tp-message tp-apply").props("role=status")
+        )
         self._list = box("tp-gains")
         self._button("Read from board", self._load, "tp-plain")
         self._retry_timer = ui.timer(RETRY_S, self._load, immediate=True)

@@ -6,7 +6,7 @@ import { faultBlock, faultStart } from "./faults.js";
 import { noteRestart } from "./restart.js";
 import { on, send, state } from "./stream.js";
 
-const NOTICE_MS = 6000;
+const NOTICE_MS = { good: 4000, bad: 6000 };
 const MAX_NOTICES = 3;
 const LINES = ".tp-reason, .tg-outcome, .tg-result"; // where the page says what happens, for as long as it is true
 const FAULT = ".tp-fault, .tg-fault";
@@ -75,7 +75,7 @@ export function notify(text, kind) {
     take.addEventListener("click", () => notice.remove());
   }
   while (list.children.length > MAX_NOTICES) list.firstChild.remove();
-  setTimeout(() => notice.remove(), NOTICE_MS);
+  setTimeout(() => notice.remove(), NOTICE_MS[kind]);
 }
 
 // Remove notices whose text stands in a line or the box of a fault, where the user can see it.

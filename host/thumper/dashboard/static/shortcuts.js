@@ -12,8 +12,8 @@ const GENERAL = [
   ["?", "Show or hide this list"],
 ];
 
+export const HAS_KEYBOARD = !window.matchMedia("(hover: none)").matches;
 // A key in brackets, for a text; empty on a device without a keyboard.
-const HAS_KEYBOARD = !window.matchMedia("(hover: none)").matches;
 export const keyHint = (key) => (HAS_KEYBOARD ? ` (${key})` : "");
 
 export function startShortcuts() {

@@ -1,6 +1,7 @@
 // Experiments that the robot runs on its own: identify the motors, tune the wheels. Shows progress, result, report.
 
 import { faultBlock } from "./faults.js";
+import { HAS_KEYBOARD } from "./shortcuts.js";
 import { on, send } from "./stream.js";
 
 const EXPERIMENTS = ["identify", "tune"];
@@ -8,7 +9,7 @@ const EXPERIMENTS = ["identify", "tune"];
 export function tune(root) {
   root.innerHTML = `
     <p>The robot drives back and forth on its own. It needs a clear lane, 0.8 m wide and equally long ahead
-      of it and behind it. To stop it, press Space or Cancel, or leave this page.</p>
+      of it and behind it. To stop it, press ${HAS_KEYBOARD ? "Space" : "STOP"} or Cancel, or leave this page.</p>
     <label class="tp-check">Lane <input class="tp-lane" type="number" min="0.6" max="10" step="0.1" value="1.2">
       m ahead and behind</label>
     <label class="tp-check"><input type="checkbox" data-tune="clear"> The lane is clear</label>

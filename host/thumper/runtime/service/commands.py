@@ -87,10 +87,12 @@ class Commands:
     def _arm(self) -> str:
         self._preconditions.require_no_experiment()
         self._drive_manager.arm(self._inputs.telemetry)
+        self._publisher.publish_event("armed", name="board")
         return "armed; the wheels hold still"
 
     def _disarm(self) -> str:
         self._drive_manager.disarm("disarmed")
+        self._publisher.publish_event("disarmed", name="board")
         return "the motors are off"
 
     def _change_mode(self, name: str) -> str:
