@@ -60,7 +60,7 @@ def test_pose_estimate_and_waypoints(page: Page, robot: FakeRobot) -> None:
     refusal = "the pose was not set: the robot is mapping"
     robot.event(refusal, WARN)
     expect(page.locator(".tp-notice.bad")).to_have_text(refusal)
-    page.keyboard.press("w")
+    page.keyboard.press("r")
     drag(page, (1.0, 0.5), (1.0, 0.5))
     page.get_by_label("record", exact=True).check()
     page.get_by_label("beep", exact=True).check()

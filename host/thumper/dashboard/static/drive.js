@@ -97,6 +97,7 @@ class ManualDrive {
       if (this.keys.size) this.moveByKeys();
       else this.release();
     });
+    this.area.addEventListener("blur", () => { if (this.keys.size) this.release(); });
   }
 
   isDriveKey(event, key) {
