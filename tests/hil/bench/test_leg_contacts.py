@@ -57,11 +57,12 @@ def test_a_foot_put_down_in_the_way_is_the_persons(rested_s: float, expected: tu
 def test_a_leg_that_walks_through_the_robot_and_steps_out_is_the_persons(
     rested_s: float, expected: tuple[int, int]
 ) -> None:
-    """It comes from behind and swings past the front of the driving robot, then rests there."""
+    """It comes from behind, swings past the driving robot and rests in front; the robot stops at it."""
     contacts = LegContacts(FOOTPRINT_M)
+    rests_m = 0.27 + 0.4 * rested_s + 0.02
     for tick in range(200):
-        ahead_m = min(-0.4 + 2.0 * tick * TICK_S, 0.27 + 0.4 * rested_s + 0.02)
-        front_m = 0.4 * max(0.0, tick * TICK_S - 0.35)
+        ahead_m = min(-0.4 + 2.0 * tick * TICK_S, rests_m)
+        front_m = min(0.4 * max(0.0, tick * TICK_S - 0.35), rests_m - 0.26)
         contacts.check(Pose2(x_m=front_m), np.array([[ahead_m, 0.0, 0.06]]), TICK_S)
     assert (contacts.by_robot, contacts.by_people) == expected
 
@@ -115,3 +116,15 @@ def test_a_lasting_touch_counts_once() -> None:
     for tick in range(100):
         contacts.check(Pose2(x_m=0.3 * tick * TICK_S), np.array([[0.3, 0.0, 0.06]]), TICK_S)
     assert contacts.by_robot == 1
+
+
+@pytest.mark.parametrize(("driven_m", "expected"), [(0.04, (0, 1)), (0.06, (1, 1)), (0.6, (1, 1))])
+def test_a_robot_that_drives_on_against_a_leg_that_walked_in_has_a_contact(
+    driven_m: float, expected: tuple[int, int]
+) -> None:
+    contacts = LegContacts(FOOTPRINT_M)
+    for tick in range(300):
+        leg_x_m = max(0.26, 0.6 - 1.0 * tick * TICK_S)
+        robot_x_m = min(driven_m, 0.3 * max(0.0, tick * TICK_S - 1.0))
+        contacts.check(Pose2(x_m=robot_x_m), np.array([[leg_x_m, 0.0, 0.06]]), TICK_S)
+    assert (contacts.by_robot, contacts.by_people) == expected
