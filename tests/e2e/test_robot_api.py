@@ -25,6 +25,7 @@ from thumper.common.compile_progress import COMPILING
 from thumper.common.geometry import Pose2
 from thumper.maps.annotations import Annotations, SavedPlace, annotations_path, save_annotations
 from thumper.maps.map_server_io import load_map
+from thumper.robot import arguments
 from thumper.runtime.requests import RobotCommand
 from thumper_hil.bench import Bench, simulation
 
@@ -92,6 +93,16 @@ def test_a_square_of_forward_and_turn_is_closed(world: str, seed: int) -> None:
     off_m, off_deg = square(world, seed)
     assert off_m < LIMIT_M
     assert off_deg < LIMIT_DEG
+
+
+def test_degrees_that_look_like_radians_are_reported(caplog: pytest.LogCaptureFixture) -> None:
+    for deg in (1.57, -math.pi, 0.79, 90, 1, 3, 5.5, 6):
+        assert arguments.angle_rad("turn", (), None, deg, "") == math.radians(deg)
+    assert caplog.messages == [
+        "turn: deg=1.57: in radians? For 90 degrees pass deg=90",
+        "turn: deg=-3.14159: in radians? For -180 degrees pass deg=-180",
+        "turn: deg=0.79: in radians? For 45 degrees pass deg=45",
+    ]
 
 
 def test_neither_backs_into_what_it_saw_nor_over_what_it_never_saw(tmp_path: Path) -> None:

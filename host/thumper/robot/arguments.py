@@ -1,5 +1,9 @@
-"""Checks the arguments of `Robot`. A wrong one is a ThumperError: "CALL: ARGUMENT: problem; fix". Pure."""
+"""Checks the arguments of `Robot`. A wrong one is a ThumperError: "CALL: ARGUMENT: problem; fix".
 
+A doubtful one is a logged warning.
+"""
+
+import logging
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -11,8 +15,12 @@ from thumper.navigation.goal import check_place
 
 MAX_DURATION_S = 600.0
 MAX_DISTANCE_M = 50.0
+COMMON_DEG = (30, 45, 60, 90, 120, 135, 150, 180, 270, 360)
+ROUNDED_RAD = 0.005  # pi / 2 as 1.57
 PLACE_KEYS = {"x_m", "y_m", "heading_deg", "heading_rad"}
 
+
+log = logging.getLogger("thumper.robot")
 
 Place = str | tuple[float, float] | tuple[float, float, float] | Mapping[str, float]
 
@@ -83,6 +91,8 @@ def angle_rad(
 ) -> float | None:
     """Return an angle that is given in radians or in degrees; None if it is not given.
 
+    Warns of degrees that are a common angle in radians, such as deg=1.57.
+
     Raises
     ------
     ThumperError
@@ -94,7 +104,13 @@ def angle_rad(
     if rad is not None and deg is not None:
         raise wrong(call, f"{name}rad, {name}deg", "pass only one of them")
     if deg is not None:
-        return math.radians(number(call, f"{name}deg", deg))
+        value_deg = number(call, f"{name}deg", deg)
+        for common in COMMON_DEG:
+            if abs(abs(value_deg) - math.radians(common)) < ROUNDED_RAD:
+                meant = math.copysign(common, value_deg)
+                fix = f"For {meant:g} degrees pass {name}deg={meant:g}"
+                log.warning("%s: %sdeg=%g: in radians? %s", call, name, value_deg, fix)
+        return math.radians(value_deg)
     if rad is None:
         return None
     result = number(call, f"{name}rad", rad)
