@@ -27,6 +27,9 @@ def test_fault_moves_no_control_and_colours_the_state(page: Page, robot: FakeRob
         expect(page.locator(".tp-fault")).to_be_hidden()
 
 
+CUT = """all => all.filter(
+  (one) => one.scrollWidth > one.clientWidth || one.scrollHeight > one.clientHeight
+)"""
 STALLED = "the left wheels do not turn; are they blocked, is a motor or encoder wire loose?"
 
 
@@ -103,6 +106,18 @@ def test_charts_are_high_on_a_large_screen_and_leave_the_map_its_place(page: Pag
         page.click("text=Wheels")
         expect(page.locator(".tp-charts")).to_be_hidden()
         page.click("text=Wheels")
+        map_box = page.locator(".tp-map").bounding_box()
+        page.click(".tp-tab-gains")  # a long panel
+        page.wait_for_timeout(300)
+        heights = page.locator(".tp-charts .u-over").evaluate_all("all => all.map((one) => one.clientHeight)")
+        assert min(heights) > 100, size
+        assert page.locator(".tp-map").bounding_box() == map_box
+        panel, wheels = (page.locator(name).bounding_box() for name in (".tp-panels", ".tp-wheels"))
+        assert panel is not None
+        assert wheels is not None
+        assert panel["y"] + panel["height"] == wheels["y"] + wheels["height"]
+        assert page.locator(".tp-charthead").evaluate_all(CUT) == []
+        page.click(".tp-tab-drive")
 
 
 def test_a_phone_keeps_the_speeds_in_view_beside_gains_and_while_tuning(page: Page) -> None:
@@ -265,10 +280,7 @@ def test_low_screen_shows_everything(page: Page, robot: FakeRobot) -> None:
     expect(charts).to_be_visible()
     page.locator(".tp-charts > div").last.scroll_into_view_if_needed()
     expect(page.locator(".tp-charts > div").last).to_be_in_viewport(ratio=0.99)
-    cut = page.locator(".tp-charthead").evaluate_all(
-        "all => all.filter((one) => one.scrollWidth > one.clientWidth || one.scrollHeight > one.clientHeight)"
-    )
-    assert cut == []  # each legend is complete
+    assert page.locator(".tp-charthead").evaluate_all(CUT) == []
 
 
 def test_the_tools_take_one_column_and_the_map_most_of_the_height(page: Page) -> None:
