@@ -86,9 +86,10 @@ class Beams:
         if effects.surfaces or effects.grazing_deg < 90.0:
             echoes = self.world.echoes_at(times_s, x_m, y_m, angles_rad)
             ranges_m = echoes.range_m
-            loss = echo_loss(echoes.surface, echoes.incidence_rad, ranges_m, self.range_max_m)
-            lost = rng.random(loss.size) < loss
-            lost |= echoes.incidence_rad > np.deg2rad(effects.grazing_deg)
+            lost = echoes.incidence_rad > np.deg2rad(effects.grazing_deg)
+            if effects.surfaces:
+                loss = echo_loss(echoes.surface, echoes.incidence_rad, ranges_m, self.range_max_m)
+                lost |= rng.random(loss.size) < loss
         else:
             ranges_m = self.world.cast_at(times_s, x_m, y_m, angles_rad)
             lost = np.zeros(ranges_m.size, np.bool_)
