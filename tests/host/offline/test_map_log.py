@@ -37,7 +37,7 @@ def test_map_that_contradicts_itself_is_reported(
     assert [note for note in notes if "contradicts" in note] == ([torn] if torn else [])
 
 
-@pytest.mark.parametrize("carried", some_of([False, True]))
+@pytest.mark.parametrize("carried", some_of([True, False]))
 def test_session_of_a_log_that_ends_lost_has_no_pose(tmp_path: Path, carried: bool) -> None:
     poses = [Pose2(x_m=0.05 * k - 0.8, theta_rad=0.02 * k) for k in range(40)]
     lines = [line(pose, pose, ROOM) for pose in poses]
