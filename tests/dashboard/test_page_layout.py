@@ -30,7 +30,9 @@ def test_fault_moves_no_control_and_colours_the_state(page: Page, robot: FakeRob
 CUT = """all => all.filter(
   (one) => one.scrollWidth > one.clientWidth || one.scrollHeight > one.clientHeight
 )"""
-STALLED = "the left wheels do not turn; are they blocked or on a thick carpet, is a motor or encoder wire loose?"
+STALLED = (
+    "the left wheels do not turn; are they blocked or on a thick carpet, is a motor or encoder wire loose?"
+)
 
 
 def test_a_fault_is_explained_once_and_blocks_what_needs_none(page: Page, robot: FakeRobot) -> None:

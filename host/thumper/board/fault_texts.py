@@ -55,14 +55,16 @@ FAULT_HINTS = {
     Fault.LINK_LOST: "it received no command for 300 ms; is the computer overloaded or the cable loose?",
     Fault.LOW_BATTERY: "the battery is empty; charge it",
     Fault.E_STOP: "the emergency stop was pressed",
-    Fault.STALL_LEFT: "the left wheels do not turn; are they blocked or on a thick carpet, is a motor or encoder wire loose?",
-    Fault.STALL_RIGHT: "the right wheels do not turn; are they blocked or on a thick carpet, is a motor or encoder wire loose?",
+    Fault.STALL_LEFT: "the left wheels do not turn; are they blocked or on a thick carpet, "
+    "is a motor or encoder wire loose?",
+    Fault.STALL_RIGHT: "the right wheels do not turn; are they blocked or on a thick carpet, "
+    "is a motor or encoder wire loose?",
     Fault.REVERSED_LEFT: "the left encoder counts backwards; swap its two wires, or the motor's, "
     "or set left_encoder_reversed",
     Fault.REVERSED_RIGHT: "the right encoder counts backwards; swap its two wires, or the motor's, "
     "or set right_encoder_reversed",
     Fault.LOST_EDGES: "an encoder signal is disturbed; route its wires away from the motor wires",
-    Fault.OVER_CURRENT: "a motor draws too much current; is something jammed, or the carpet too thick to turn on?",
+    Fault.OVER_CURRENT: "a motor draws too much current; is something jammed, or the carpet too thick?",
     Fault.WATCHDOG: "its firmware hung and restarted; check its power supply",
     Fault.BAD_PARAMETERS: UNREADABLE,
     Fault.ADC_STOPPED: "it cannot measure battery and motor currents; check its 5 V supply, then replace it",
