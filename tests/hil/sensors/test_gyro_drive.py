@@ -5,69 +5,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.shared.gyro_heading import heading_errors
 
 from thumper.board.board import Board
-from thumper.board.messages import Command
 from thumper.board.options import BoardOptions
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import Pose2
-from thumper.common.kinematics import DriveGeometry, WheelSpeeds
 from thumper.common.serial_port import open_port
 from thumper.config.robot import RobotConfig, with_ports
 from thumper.imu.bno08x import Bno08xDriver
-from thumper.imu.open_imu import open_imu
 from thumper.imu.options import ImuModel, ImuOptions
 from thumper.navigation.goal import Goal
-from thumper.odometry.gyro_ekf import GyroEkf
-from thumper.odometry.wheel_odometry import WheelOdometry
 from thumper.runtime.assembly import open_robot, wait_for_gyroscope
 from thumper.runtime.drive.tasks import drive_to_goal
 from thumper_hil.bench import simulation
 
-DRIVE_S = 120.0
 MISSION = "world=lab&x_m=1.73&y_m=0.08&yaw_deg=180"
-
-
-def headings(name: str, model: ImuModel, seed: int) -> tuple[float, float]:
-    """Drive curves and turns for two minutes; return the heading's errors, fused and by the wheels [rad]."""
-    options = ImuOptions(enabled=True, model=model, port=f"sim://{name}/imu")
-    board = Board.open(f"sim://{name}/board?world=hall&seed={seed}", baud=500_000)
-    board.set_parameter("gyroscope", float(model == "mpu6050"))
-    bench = simulation(name)
-    imu = open_imu(options) if model == "bno08x" else None
-    fused, wheels = GyroEkf(DriveGeometry(), imu=options), WheelOdometry(DriveGeometry())
-    try:
-        bench.advance(bench.time_s + 2.0)
-        board.poll(0.0)
-        start_rad, start_s = float(bench.truth()[-1, 3]), bench.time_s
-        board.command(Command.ARM)
-        errors = [0.0, 0.0]
-        while bench.time_s < start_s + DRIVE_S:
-            turn = 2.5 * math.sin(0.4 * (bench.time_s - start_s)) + 2.0
-            board.set_wheel_speeds(WheelSpeeds(left_rad_s=1.0 - turn, right_rad_s=1.0 + turn))
-            samples = board.poll(0.15)
-            for reading in imu.poll() if imu else ():
-                fused.add_imu(reading)
-            for sample in samples:
-                counts = (sample.telemetry.left_count, sample.telemetry.right_count)
-                gyro_rad = sample.gyro_increment_rad if imu is None else None
-                odometry = fused.update(sample.time_s, *counts, gyro_rad=gyro_rad)
-                poses = (odometry.odom_from_base, wheels.update(sample.time_s, *counts).odom_from_base)
-                truth = bench.truth()
-                true_rad = np.interp(sample.time_s, truth[:, 0], np.unwrap(truth[:, 3])) - start_rad
-                assert abs(odometry.twist.w_rad_s) < 10.0, "a step of the heading"
-                errors = [math.remainder(pose.theta_rad - true_rad, math.tau) for pose in poses]
-        return abs(errors[0]), abs(errors[1])
-    finally:
-        board.close()
-        if imu is not None:
-            imu.close()
 
 
 @pytest.mark.parametrize("model", [pytest.param("bno08x", marks=pytest.mark.slow), "mpu6050"])
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_the_heading_holds_for_two_minutes_with_an_uncalibrated_track(model: ImuModel, seed: int) -> None:
-    fused_rad, wheels_rad = headings(f"gyro-{model}-{seed}", model, seed)
+    fused_rad, wheels_rad = np.abs(heading_errors(f"gyro-{model}-{seed}", model, seed)[-1, 1:])
     print(f"{model}, seed {seed}: {fused_rad:.3f} rad, wheels alone {wheels_rad:.2f} rad")
     assert fused_rad <= 0.05
 
