@@ -172,7 +172,7 @@ def _particles(msg: Message) -> str:
 
 def _wheels(msg: Message) -> str:
     t = from_ros.telemetry_of(msg).telemetry
-    fault = f", fault: {FAULT_NAMES[t.fault]}" if t.fault else ""
+    fault = f": {FAULT_NAMES[t.fault]}" if t.fault else ""
     sides = f"{_side(t, 'left')}; {_side(t, 'right')}"
     return f"{sides}; {1e-3 * t.battery_mV:.2f} V; {t.state.name.lower()}{fault}"
 

@@ -1,6 +1,7 @@
 """Output of `thumper watch`: one line per message, values with units."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -9,6 +10,7 @@ import pytest
 from benchmarks.shared.recorded_run import MESSAGES as DATED
 from benchmarks.shared.recorded_run import telemetry
 
+from thumper.board.messages import Fault, State
 from thumper.camera.frame import CameraFrame
 from thumper.common.geometry import Pose2, Twist2
 from thumper.gps.fix import Fix, FixStatus
@@ -70,12 +72,19 @@ STATUS = Status(
     distance_to_goal_m=1.25,
     board_state="CLOSED_LOOP",
 )
+MOVING = telemetry(2.0, 7)
+STALLED = replace(MOVING, telemetry=replace(MOVING.telemetry, state=State.FAULT, fault=Fault.STALL_LEFT))
 SAMPLES: list[tuple[Any, str]] = [
     (SIMULATED.battery(telemetry(2.0, 7)), "2.00 s: 7.60 V, 0.61 A drawn by the motors"),
     (
         SIMULATED.wheels(telemetry(2.0, 7)),
         "2.00 s: left 1.00 of 1.10 rad/s, PWM 70, 0.30 A; right 1.00 of 1.10 rad/s, PWM 71, 0.31 A; "
         "7.60 V; closed_loop",
+    ),
+    (
+        SIMULATED.wheels(STALLED),
+        "2.00 s: left 1.00 of 1.10 rad/s, PWM 70, 0.30 A; right 1.00 of 1.10 rad/s, PWM 71, 0.31 A; "
+        "7.60 V; fault: left wheels stalled",
     ),
     (SIMULATED.pose(1.0, HERE), f"1.00 s: {PLACE}"),
     (SIMULATED.pose(1.0, HERE, COVARIANCE), f"1.00 s: {PLACE}; sigma 0.020 m, 0.030 m, 0.50 deg"),
