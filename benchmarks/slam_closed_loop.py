@@ -1,7 +1,7 @@
 """SLAM in closed loop: a simulated robot drives tours with its own map; pose and wall errors.
 
 Run: python benchmarks/slam_closed_loop.py [--seeds N] [--place NAME ...] [--method METHOD] [--track M]
-                                           [--slip SHARE]
+                                           [--slip SHARE] [--preset hard]
 
 The whole host software drives the firmware on the simulated chip. The wheels differ from the configured
 geometry, and they slip and drift. The odometry error is that of experiment 1 of the thesis: like the thesis
@@ -27,6 +27,7 @@ from benchmarks.slam_truth import wall_figures
 from thumper import Robot
 from thumper.common.geometry import FloatArray, Pose2
 from thumper_hil.bench.registry import simulation
+from thumper_hil.effects.preset import PRESETS
 from thumper_hil.world.world import World
 
 GEOMETRIC_TRACK_M, RADIUS_M = 0.245, 0.062  # the thesis's
@@ -112,7 +113,7 @@ def run(place: str, seed: int, arguments: argparse.Namespace, folder: Path) -> s
     track_m, method = arguments.track, arguments.method
     config.write_text(f'[drive]\ntrack_m = {track_m}\n[mapping]\nmethod = "{method}"\n')
     name, start = f"{place}{seed}", Pose2(x_m=tour[0][0], y_m=tour[0][1])
-    board = f"sim://{name}/board?world={path}&x_m={start.x_m}&y_m={start.y_m}&seed={seed}"
+    board = f"sim://{name}/board?world={path}&x_m={start.x_m}&y_m={start.y_m}&seed={seed}&preset={arguments.preset}"
     with Robot(board, lidar=f"sim://{name}/lidar", config=config, start=start) as robot:
         bench = simulation(name)
         results = []
@@ -142,6 +143,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--place", nargs="+", default=list(PLACES), choices=list(PLACES))
     parser.add_argument("--method", default="slam", choices=("slam", "scan_match", "rbpf"))
+    parser.add_argument("--preset", choices=PRESETS, default="nominal")
     parser.add_argument(
         "--track",
         type=float,

@@ -13,6 +13,7 @@ from thumper.camera.dock_options import DockOptions
 from thumper.camera.options import CameraOptions
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig, with_ports
+from thumper.maps.annotations import Annotations, SavedPlace
 from thumper.runtime.assembly import open_robot
 from thumper.runtime.requests import RobotCommand
 from thumper_hil.bench import simulation
@@ -25,11 +26,13 @@ DOCKED = Pose2(x_m=-1.595 + DockOptions().distance_m, theta_rad=math.pi)
 
 
 @contextmanager
-def robot(name: str, start: Pose2 = START, **dock: float) -> Iterator[Service]:
+def robot(
+    name: str, start: Pose2 = START, *, places: tuple[SavedPlace, ...] = (), **dock: float
+) -> Iterator[Service]:
     config = RobotConfig(camera=CameraOptions(enabled=True), dock=DockOptions(**dock))  # type: ignore[arg-type]
     mission = f"world=charging&x_m={start.x_m}&y_m={start.y_m}&yaw_deg={math.degrees(start.theta_rad)}"
     config = with_ports(config, board=f"sim://{name}/board?{mission}", lidar=f"sim://{name}/lidar")
-    with open_robot(config, start) as loop:
+    with open_robot(config, start, annotations=Annotations(places=places)) as loop:
         service = Service(loop, simulation(name))
         with patch("time.monotonic", service.wall_s):
             loop.wait_for_map()
@@ -73,6 +76,17 @@ def test_docks_and_undocks_with_the_motors_off_afterwards(start: Pose2) -> None:
         assert service.bench.contacts == 0
 
 
+def test_near_the_dock_it_backs_off_only_if_it_faces_it() -> None:
+    """The robot has its back to the dock: backing off would end in the wall."""
+    dock = SavedPlace(name="dock", x_m=DOCKED.x_m, y_m=0.0, yaw_rad=math.pi)
+    with robot("back-to-dock", DOCKED @ Pose2(x_m=-0.18, theta_rad=2.5), places=(dock,)) as service:
+        service.put(RobotCommand(name="dock"))
+        service.until(lambda: service.robot.drive_manager.activity == "to the dock", max_cycles=100)
+        service.run_cycles(60)
+        assert not said(service, "not docked"), service.events
+        assert service.bench.contacts == 0
+
+
 @pytest.mark.slow
 def test_a_cancelled_approach_is_not_tried_again() -> None:
     with robot("cancelled-dock", staging_m=0.6) as service:
@@ -111,7 +125,7 @@ def test_cancelled_while_looking_it_does_not_approach() -> None:
 
 
 def test_nothing_of_a_replaced_motion_goes_on() -> None:
-    with robot("replaced-undock") as service:
+    with robot("replaced-undock", DOCKED @ Pose2(x_m=-0.1)) as service:
         service.put(RobotCommand(name="undock"))
         service.run_cycles(20)
         assert service.bench.truth()[-1, 4] < -0.5  # it reverses
@@ -121,7 +135,7 @@ def test_nothing_of_a_replaced_motion_goes_on() -> None:
         service.put(RobotCommand(name="undock"))
         service.run_cycles(20)
         service.ask("mission/send", {"x_m": START.x_m, "y_m": START.y_m, "tolerance_m": 0.1})
-        service.until(lambda: service.mode == "holding", max_cycles=300)
+        service.until(lambda: service.mode == "holding", max_cycles=600)
         service.run_cycles(20)
         assert abs(service.bench.truth()[-1, 4]) < 0.1
 

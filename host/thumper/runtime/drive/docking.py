@@ -82,8 +82,7 @@ class Docking:
         return (yield from self._back_off())
 
     def _go_to_staging(self, result: DriveResult) -> Step:
-        docked = self._docked()
-        if docked is not None and docked.distance_m(self._state().map_from_base) < AT_DOCK_M:
+        if self._is_at_dock():
             result = (yield from self._back_off()).after(result)
             if not result.reached:
                 return result
@@ -100,6 +99,14 @@ class Docking:
             heading_tolerance_rad=STAGING_TOLERANCE_RAD,
         )
         return (yield Leg(goal=goal, name="to the dock")).after(result)
+
+    def _is_at_dock(self) -> bool:
+        """Return whether the robot is at the dock or just before it, and faces it."""
+        docked = self._docked()
+        if docked is None:
+            return False
+        at = docked.inverse() @ self._state().map_from_base
+        return math.hypot(at.x_m, at.y_m) < AT_DOCK_M and abs(at.theta_rad) < PRESTAGING_RAD
 
     def _may_approach(self) -> bool:
         """Return whether the robot is so near to the staging pose that the approach ends at the dock."""
@@ -150,10 +157,15 @@ class Docking:
 
     def _back_off(self) -> Step:
         # At the speed of the approach: a lidar may not see what is behind. That the ground there is unseen,
-        # for a robot that was switched on at the dock, must not keep it there.
+        # for a robot that was switched on at the dock, must not keep it there; elsewhere it must.
+        crosses_unseen = self._docked() is None or self._is_at_dock()
+
+        def obstacles(_state: RobotState) -> ObstaclePoints:
+            return self.obstacles().without_unseen() if crosses_unseen else self.obstacles()
+
         limits = replace(self.limits, v_max_m_s=min(self.limits.v_max_m_s, self.options.speed_m_s))
         motion = drive_on_heading(-self.options.staging_m, limits, self._state().map_from_base)
-        motion = before_obstacles(motion, self.monitor, lambda _state: self.obstacles().without_unseen())
+        motion = before_obstacles(motion, self.monitor, obstacles)
         return (yield Move(motion=motion, name="undocking"))
 
     def _look(self) -> Step:
