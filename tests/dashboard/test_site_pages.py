@@ -22,7 +22,7 @@ DRAWINGS = sorted(path.name for path in (DOCS / "images").glob("*.svg") if "<tex
 SOURCES = [page.relative_to(DOCS).with_suffix("") for page in DOCS.rglob("*.md") if page.name != "README.md"]
 PAGES = sorted((page.as_posix() for page in SOURCES), reverse=True)
 COMMAND = re.compile(r"(thumper [a-z]|make |pytest |sudo |git |pip |cd |source |\.venv/)")
-LONGEST_COMMENT = 47  # characters of code in a line of 390 px
+LONGEST_COMMENT = 43  # characters of code in a line of 360 px
 CLEAR_PX = 6
 QUIET = "reference/glossary.html"  # the front page keeps a core busy with its robot
 FENCE = re.compile(r"^ *```.*?^ *```$", re.DOTALL | re.MULTILINE)
