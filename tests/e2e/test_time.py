@@ -14,7 +14,7 @@ from tests.e2e.test_safety_chain import LINK_LIMIT_S, STAYS_S, Chain
 from thumper.ros.codec import Message
 from thumper.runtime.requests import GoTo
 
-STARVED_S = 6.0
+STARVED_S, CYCLE_HZ = 6.0, 10.0
 OLDEST_S = 0.5  # data, when a wheel still turns: 0.35 s, and the cycle in which it is noticed
 
 
@@ -55,16 +55,21 @@ def test_starved_robot_drives_on_recent_data_or_not_at_all(
 ) -> None:
     statuses = list[Message]()
     chain.client.subscribe("status", statuses.append)
+    wheels = list[Message]()
+    chain.client.subscribe("wheels", wheels.append)
     chain.drive()
     statuses.clear()
+    wheels.clear()
     with starved(chain.robot, share, period_s):
         time.sleep(STARVED_S)
-        is_driven = chain.driven
+        is_driven, cycles = chain.driven, len(wheels)
     moving = [status for status in statuses if status.mode == "driving" and not status.reason]
     assert all(max(status.telemetry_age_s, status.scan_age_s) < OLDEST_S for status in moving)
     time.sleep(STAYS_S)
     if share < 0.1:
         assert not is_driven
+    else:
+        assert cycles >= 0.9 * CYCLE_HZ * STARVED_S  # it keeps its rate
     if not chain.driven:
         reason = chain.reason()
         words = ("overloaded", "stopped the motors", "newest scan", "Write timeout", "at the goal")
