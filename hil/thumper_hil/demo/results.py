@@ -158,6 +158,7 @@ def _print_table(rows: list[tuple[str, str, str]], console: Console) -> None:
     table = Table("", "ours (simulated)", "thesis (real robot)")
     for row in rows:
         table.add_row(*row)
+    console.print("the same two missions in a bachelor thesis (Svec 2019), with a real robot:")
     console.print(table)
     console.print(FOOTNOTE, highlight=False)
 

@@ -177,10 +177,11 @@ def _serve_in_one_world(options: "RunOptions", speed: float, console: "Console")
     from thumper.runtime.loop import UNCONFIRMED
 
     settings = options.load_settings()
+    page = "the dashboard" if options.ui else "`thumper dashboard`"
     with opened_robot(options, settings, serving=True) as robot:
         console.print(
             f"{settings.name} is running on {settings.bus.address}. "
-            "It serves `thumper goto`, `thumper teleop` and the dashboard. Press Ctrl-C to stop.",
+            f"It serves `thumper goto`, `thumper teleop` and {page}. Press Ctrl-C to stop.",
             soft_wrap=True,
         )
         robot.publisher.add_sink(print_problems)

@@ -34,13 +34,12 @@ def _checked(method: Callable[P, ResultT], name: str) -> Callable[P, ResultT]:
         except ThumperError as error:  # its line says all: no causes, no frames of this package
             raise error.with_traceback(None) from None
 
+    # A VAR_POSITIONAL is there to be refused.
+    taken = [one for one in signature.parameters.values() if one.kind is not one.VAR_POSITIONAL]
+    call.__signature__ = signature.replace(parameters=taken)  # type: ignore[attr-defined]
+
     def _usage() -> str:
         """Return the arguments without types."""
-        shown = [
-            one.replace(annotation=one.empty)
-            for one in list(signature.parameters.values())[1:]
-            if one.kind is not one.VAR_POSITIONAL  # it is refused
-        ]
-        return str(inspect.Signature(shown))
+        return str(inspect.Signature([one.replace(annotation=one.empty) for one in taken[1:]]))
 
     return call
