@@ -201,7 +201,10 @@ class Experiments:
             telemetry = loop.inputs.telemetry
             armed = telemetry is not None and telemetry.state is not State.DISARMED
             if armed and self.heartbeats.is_lost(self.source, time.monotonic()):
-                self.stop("the dashboard that started it is gone")
+                self.stop(
+                    "the experiment stopped: "
+                    "the page or program that started it was closed, hidden or disconnected"
+                )
             if self._stop_reason:
                 raise ThumperError(self._stop_reason)
 
