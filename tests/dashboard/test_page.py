@@ -43,7 +43,7 @@ def test_status_names_the_experiment_that_drives(page: Page, robot: FakeRobot) -
     expect(mode).to_have_text("tuning wheels")
     expect(page.locator("[data-field=reason]")).to_have_text("step 3")
     page.click(".tp-tab-tune")
-    expect(page.locator(".tp-tune .tp-message")).to_have_text("20 %: step 3")
+    expect(page.locator(".tp-tune .tp-message")).to_have_text("20 %, about 80 s left: step 3")
     robot.experiment = ""
     expect(mode).to_have_text("idle")
 

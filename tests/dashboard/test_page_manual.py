@@ -255,11 +255,19 @@ def test_focused_report_does_not_block_the_stop_key(page: Page, robot: FakeRobot
     until(lambda: robot.received_of(EmergencyStop))
 
 
-def test_the_joystick_of_a_disarmed_robot_shows_no_speed(page: Page, robot: FakeRobot) -> None:
+def test_the_joystick_shows_what_to_do_before_it_drives(page: Page, robot: FakeRobot) -> None:
+    block, knob = page.locator(".tp-stick b"), page.locator(".tp-knob")
+    expect(knob).to_be_visible()
+    expect(block).to_be_empty()
     robot.state = State.DISARMED
-    page.wait_for_selector("body[data-board=disarmed]")
+    expect(block).to_have_text("Press Arm first")
+    expect(knob).to_be_hidden()
     page.focus(".tp-stick")
     page.keyboard.down("ArrowUp")
-    expect(page.locator(".tp-speeds span")).to_have_text(["press Arm first", ""])
-    page.keyboard.up("ArrowUp")
+    until(lambda: robot.received_of(Velocity))
     expect(page.locator(".tp-speeds span")).to_have_text(["", ""])
+    page.keyboard.up("ArrowUp")
+    robot.fault, robot.fault_words = Fault.STALL_LEFT, "left wheels stalled"
+    expect(block).to_have_text("Clear the fault first")
+    robot.fault, robot.fault_words = Fault.LINK_LOST, "connection lost"
+    expect(block).to_have_text("Press Arm first")  # that clears it, too

@@ -208,9 +208,10 @@ def _drive_panel() -> None:
         Widget("camera").classes("tp-frame")
         _field("camera_age")
     ui.html(
-        '<p>Hold the joystick<span class="tp-keyboard"> or W, A, S, D</span> to drive, release to stop; this '
-        "has priority over any goal. Gamepad: hold LB to drive, RB is turbo, B stops, Start arms. If this "
-        "page is hidden, frozen or closed, manual driving and tuning stop; a goal goes on.</p>",
+        '<p>Press Arm first. Then hold the joystick<span class="tp-keyboard"> or W, A, S, D</span> to drive, '
+        "release to stop; this has priority over any goal. Gamepad: hold LB to drive, RB is turbo, B stops, "
+        "Start arms. If this page is hidden, frozen or closed, manual driving and tuning stop; a goal goes "
+        "on.</p>",
         sanitize=False,
     ).classes("tp-hint")
 

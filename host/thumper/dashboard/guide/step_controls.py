@@ -142,7 +142,7 @@ class StepControls:
     def _tune(self) -> None:
         _text(
             "The robot drives back and forth on its own, measures both motors and sets matching gains. That "
-            "takes about two minutes. STOP or leaving this page ends it."
+            "takes about 90 s. STOP or leaving this page ends it."
         )
         if self._guide.is_tuned:
             with box("tp-buttons"):

@@ -2,6 +2,7 @@
 // a release sends zero speed.
 
 import { emergencyStop, isTyping } from "./commands.js";
+import { faultBlock } from "./faults.js";
 import { on, send, state } from "./stream.js";
 
 const PERIOD_MS = 50;
@@ -47,11 +48,12 @@ class ManualDrive {
     });
     window.addEventListener("pagehide", () => this.release());
     on("connected", (connected) => { if (!connected) this.release(); });
+    on("packet", () => this.showBlock(state.values.status)); // also in a playback, whose status is another
   }
 
   build(root) {
     root.innerHTML = `
-      <div class="tp-stick" role="application" aria-label="joystick: hold W, A, S, D or arrow keys to drive" tabindex="0"><div class="tp-knob"></div></div>
+      <div class="tp-stick" role="application" aria-label="joystick: hold W, A, S, D or arrow keys to drive" tabindex="0"><div class="tp-knob"></div><b></b></div>
       <div class="tp-stickside">
         <label class="tp-check"><input type="checkbox"> Turbo</label>
         <button type="button" class="tp-override" title="Hold this button or Shift to drive although something is in the way">Hold: ignore obstacles</button>
@@ -61,6 +63,7 @@ class ManualDrive {
     this.area = root.querySelector(".tp-stick");
     this.knob = root.querySelector(".tp-knob");
     this.speeds = root.querySelectorAll(".tp-speeds span");
+    this.block = root.querySelector(".tp-stick b");
     this.gamepadStatus = root.querySelector(".tp-pad");
     root.querySelector("input").addEventListener("change", (event) => {
       this.turbo = event.target.checked;
@@ -160,6 +163,13 @@ class ManualDrive {
     return [-gamepad.axes[AXES.forward], -gamepad.axes[AXES.turn], isDown(BUTTONS.turbo), isDown(BUTTONS.override)];
   }
 
+  // Show on the joystick what to do before it drives.
+  showBlock(status) {
+    const text = ["disarmed", "fault"].includes(status?.board_state?.toLowerCase())
+      ? (faultBlock(status) && "Clear the fault first") || "Press Arm first" : "";
+    if (this.block.textContent !== text) this.block.textContent = text;
+  }
+
   // Setting the same text again would lay out the page again.
   showGamepad(text) {
     if (this.gamepadStatus.textContent !== text) this.gamepadStatus.textContent = text;
@@ -189,9 +199,8 @@ class ManualDrive {
     const limits = state.values.limits;
     if (!limits) return;
     const scale = turbo ? 1 : limits.slow;
-    if (!state.values.status || ["disarmed", "fault"].includes(document.body.dataset.board)) {
-      this.speeds[0].textContent = forward || left ? "press Arm first" : "";
-      this.speeds[1].textContent = "";
+    if (!state.values.status || this.block.textContent) {
+      for (const speed of this.speeds) speed.textContent = "";
       return;
     }
     this.speeds[0].textContent = `${(forward * scale * limits.v_m_s).toFixed(2)} m/s`;

@@ -5,6 +5,14 @@ import { HAS_KEYBOARD } from "./shortcuts.js";
 import { on, send } from "./stream.js";
 
 const EXPERIMENTS = ["identify", "tune"];
+const TAKES_S = { identify: 45, tune: 90 }; // of a simulated robot, in real time
+
+// "38 %, about 60 s left"; empty if the share is not known.
+function progressText({ running, share }) {
+  if (!share) return "";
+  const left_s = 10 * Math.ceil(((1 - share) * TAKES_S[running]) / 10);
+  return `${Math.round(100 * share)} %${left_s ? `, about ${left_s} s left` : ""}`;
+}
 
 export function tune(root) {
   root.innerHTML = `
@@ -18,6 +26,7 @@ export function tune(root) {
       <button type="button" class="tp-go" data-tune="tune" disabled>Tune wheels</button>
       <button type="button" class="tp-plain" data-tune="cancel" disabled>Cancel</button>
     </div>
+    <p class="tp-hint">Tuning takes about ${TAKES_S.tune} s, identifying the motors about ${TAKES_S.identify} s.</p>
     <p class="tp-hint" data-tune="why" hidden></p>
     <div class="tp-progress"><div></div></div>
     <p class="tp-message" role="status"></p>
@@ -72,7 +81,7 @@ export function tune(root) {
     progressBar.style.width = `${100 * (running ? state.share : 0)}%`;
     message.classList.toggle("bad", Boolean(state?.problem));
     message.textContent = running
-      ? [state.share ? `${Math.round(100 * state.share)} %` : "", state.what].filter(Boolean).join(": ")
+      ? [progressText(state), state.what].filter(Boolean).join(": ")
       : state ? state.problem || state.what : "This robot cannot run experiments.";
     const lines = (state?.lines ?? []).filter((line) => running || line !== state.what); // the result is above
     resultLines.replaceChildren(...lines.map((line) => {
