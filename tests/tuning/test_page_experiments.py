@@ -136,6 +136,15 @@ def test_an_invalid_request_is_rejected(robot: RobotLoop, content: dict[str, Any
     assert robot.request_handler.experiments.requested == ""
 
 
+def test_an_obstacle_in_the_lane_refuses_an_experiment(robot: RobotLoop) -> None:
+    simulation("service").add_pillar(Pose2(x_m=0.8, y_m=0.1), 0.1)
+    for _ in range(5):
+        robot.cycle()
+    error = ask(robot, "experiment/start", {"name": "tune", "lane_m": 1.2})["error"]
+    assert error.startswith("an obstacle is 0.7 m ahead of the robot's centre, and the lane needs 1.2 m ")
+    assert ask(robot, "experiment/start", {"name": "tune", "lane_m": 0.6})["ok"]
+
+
 def test_nothing_else_moves_the_robot_once_an_experiment_is_requested(robot: RobotLoop) -> None:
     """It would start by itself, at the end of the drive."""
     assert ask(robot, "experiment/start", {"name": "identify", "lane_m": 1.2})["ok"]

@@ -2,9 +2,14 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from thumper.common.errors import ThumperError
 from thumper.runtime.drive.drive_manager import DriveManager, DriveMode
 from thumper.runtime.service.experiments import Experiments
+from thumper.runtime.state_estimator import RobotState
+
+LANE_HALF_WIDTH_M = 0.25  # half of the robot, and 0.1 m that it may drift aside
 
 
 @dataclass(slots=True, kw_only=True)
@@ -44,3 +49,16 @@ class Preconditions:
         """Refuse `what` while the motors are on."""
         if self.drive_manager.mode is not DriveMode.IDLE:
             raise ThumperError(f"{what} starts with the motors off: stop and disarm the robot first")
+
+    def require_free_lane(self, lane_m: float, state: RobotState) -> None:
+        """Refuse to drive ahead and back by up to `lane_m` where the newest scan shows an obstacle."""
+        x_m, y_m = state.map_from_base.inverse().apply(state.hits_in_map_m).T
+        in_lane_m = x_m[(np.abs(y_m) < LANE_HALF_WIDTH_M) & (np.abs(x_m) < lane_m)]
+        if not in_lane_m.size:
+            return
+        nearest_m = float(in_lane_m[np.argmin(np.abs(in_lane_m))])
+        where = "ahead of" if nearest_m > 0.0 else "behind"
+        raise ThumperError(
+            f"an obstacle is {abs(nearest_m):.1f} m {where} the robot's centre, and the lane needs "
+            f"{lane_m:g} m ahead and behind: put the robot where it is free, or turn it"
+        )

@@ -325,6 +325,8 @@ class RequestHandler:
     def _start_experiment(self, request: StartExperiment, source: str) -> Text:
         self._preconditions.require_serving("experiments")
         self._preconditions.require_motors_off("an experiment")
+        if (state := self._inputs.estimator.state()) is not None:
+            self._preconditions.require_free_lane(request.lane_m, state)
         return Text(text=self.experiments.request(request, source))
 
     def _experiment_state(self, _request: Empty, _source: str) -> ExperimentState:
