@@ -1,6 +1,7 @@
 """Opens the ports that a configuration names and wires the robot's parts to them."""
 
 import gc
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -33,7 +34,7 @@ from thumper.navigation.footprint import Footprint
 from thumper.navigation.navigator import Navigator
 from thumper.navigation.options import NavigationOptions
 from thumper.navigation.safety.collision_monitor import CollisionMonitor
-from thumper.navigation.speed_limits import WheelRamp
+from thumper.navigation.speed_limits import SpeedLimits, WheelRamp
 from thumper.navigation.warm_up import warm_up as warm_up_navigation
 from thumper.odometry.drive_train_monitor import DriveTrainMonitor
 from thumper.ros.to_ros import Messages
@@ -110,6 +111,8 @@ def open_robot(
         stack.callback(board.close)
         config = replace(config, drive=geometry_of(config.drive, board.identity))
         check_low_battery(config.dock, board.identity)
+        ramp = board.get_parameter("acceleration"), board.get_parameter("deceleration")
+        check_braking(config.navigation.limits, *ramp)
         if config.imu.uses_board:
             wait_for_gyroscope(board)
         feeds = []
@@ -347,6 +350,8 @@ def _connect(config: RobotConfig) -> Connecting:
     try:
         geometry_of(config.drive, board.identity)
         check_low_battery(config.dock, board.identity)
+        ramp = board.get_parameter("acceleration"), board.get_parameter("deceleration")
+        check_braking(config.navigation.limits, *ramp)
     except ThumperError:
         board.close()
         raise
@@ -444,6 +449,21 @@ def geometry_of(drive: DriveOptions, identity: Identity) -> DriveOptions:
             exit_code=EXIT_USAGE,
         )
     return replace(drive, stated=GEOMETRY)
+
+
+def check_braking(limits: SpeedLimits, acceleration: float, deceleration: float) -> None:
+    """Refuse a board whose wheels brake more slowly than the collision monitor assumes [rad/s^2].
+
+    On the board, deceleration 0 means as acceleration, and acceleration 0 means no ramp.
+    """
+    board_rad_s2 = deceleration or acceleration or math.inf
+    if acceleration and board_rad_s2 < limits.wheel_decel_rad_s2:
+        raise ThumperError(
+            f"the board brakes its wheels with {board_rad_s2:g} rad/s^2, the collision monitor expects "
+            f"{limits.wheel_decel_rad_s2:g}: set [navigation.limits] wheel_decel_rad_s2, or deceleration on "
+            "the board (`thumper parameters`)",
+            exit_code=EXIT_USAGE,
+        )
 
 
 def warm_up(config: RobotConfig) -> None:

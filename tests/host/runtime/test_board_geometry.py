@@ -1,5 +1,6 @@
 """The robot takes encoder and wheels from the board, unless the configuration sets them."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,8 @@ from thumper.board.messages import BoardModel, Identity, ParameterSource, ResetC
 from thumper.camera.dock_options import DockOptions
 from thumper.common.errors import ThumperError
 from thumper.config.robot import DriveOptions, load_config
-from thumper.runtime.assembly import geometry_of
+from thumper.navigation.speed_limits import SpeedLimits
+from thumper.runtime.assembly import check_braking, geometry_of
 from thumper.runtime.service.low_battery import check_low_battery
 
 BOARD = Identity(
@@ -94,3 +96,15 @@ def test_a_low_battery_that_the_board_does_not_reach_is_refused(low_battery_V: f
 @pytest.mark.parametrize("low_battery_V", [0.0, 6.5])
 def test_other_limits_of_the_battery_are_accepted(low_battery_V: float) -> None:
     check_low_battery(DockOptions(low_battery_V=low_battery_V), BOARD)
+
+
+@pytest.mark.parametrize(
+    ("acceleration", "deceleration", "fits"),
+    [(8.0, 16.0, True), (8.0, 8.0, False), (8.0, 0.0, False), (20.0, 0.0, True), (0.0, 8.0, True)],
+)
+def test_a_board_that_brakes_more_slowly_than_the_monitor_expects_is_refused(
+    acceleration: float, deceleration: float, fits: bool
+) -> None:
+    """Deceleration 0 is as acceleration; acceleration 0 is no ramp at all."""
+    with nullcontext() if fits else pytest.raises(ThumperError, match="brakes its wheels with 8 rad/s"):
+        check_braking(SpeedLimits(), acceleration, deceleration)
