@@ -108,12 +108,13 @@ def test_charts_are_high_on_a_large_screen_and_leave_the_map_its_place(page: Pag
         page.click("text=Wheels")
         expect(page.locator(".tp-charts")).to_be_hidden()
         page.click("text=Wheels")
-        map_box = page.locator(".tp-map").bounding_box()
+        map_box, wheels_box = (page.locator(name).bounding_box() for name in (".tp-map", ".tp-wheels"))
         page.click(".tp-tab-gains")  # a long panel
         page.wait_for_timeout(300)
         heights = page.locator(".tp-charts .u-over").evaluate_all("all => all.map((one) => one.clientHeight)")
         assert min(heights) > 100, size
         assert page.locator(".tp-map").bounding_box() == map_box
+        assert page.locator(".tp-wheels").bounding_box() == wheels_box
         panel, wheels = (page.locator(name).bounding_box() for name in (".tp-panels", ".tp-wheels"))
         assert panel is not None
         assert wheels is not None
@@ -188,8 +189,38 @@ def test_the_box_of_a_fault_folds_up_until_the_next_fault(page: Page, robot: Fak
             expect(page.locator(".tp-fault")).to_be_hidden()
 
 
+def test_a_fault_takes_two_lines_on_a_low_screen(page: Page, robot: FakeRobot) -> None:
+    page.set_viewport_size({"width": 1024, "height": 600})
+    robot.fault, robot.fault_words, robot.fault_cure = Fault.STALL_LEFT, "left wheels stalled", STALLED
+    for part in (".tp-fault-words", ".tp-fault-cure", ".tp-fault button"):
+        expect(page.locator(part)).to_be_visible()
+    box = page.locator(".tp-fault").bounding_box()
+    assert box is not None
+    assert box["height"] <= 50
+
+
+def test_a_phone_on_its_side_shows_map_and_joystick_beside_each_other(page: Page) -> None:
+    for width, height in ((844, 390), (667, 375)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.reload()
+        expect(page.locator(".tp-charts")).to_be_hidden()
+        boxes = [
+            page.locator(name).bounding_box()
+            for name in (".tp-map", ".tp-stick", ".tp-estop", ".tp-cancel", ".tp-arm", ".tp-override")
+        ]
+        map_box, stick, stop, *_ = shown = [box for box in boxes if box is not None]
+        assert len(shown) == len(boxes)
+        assert map_box["x"] + map_box["width"] < stick["x"]
+        assert map_box["height"] > 0.45 * height
+        for box in shown:
+            assert box["y"] + box["height"] <= height
+            assert box is stop or box["y"] > stop["y"] + stop["height"]
+        page.click("text=Wheels")
+        expect(page.locator(".tp-charts > div").nth(1)).to_be_in_viewport(ratio=1.0)
+
+
 def test_no_arrow_covers_a_tab(page: Page) -> None:
-    for size in ((1440, 900), (1024, 768), (390, 844), (360, 640)):
+    for size in ((1440, 900), (1024, 768), (390, 844), (360, 640), (844, 390)):
         page.set_viewport_size({"width": size[0], "height": size[1]})
         page.wait_for_timeout(300)  # Quasar measures the tabs
         expect(page.locator(".tp-tab-system")).to_be_in_viewport(ratio=1.0)
@@ -280,8 +311,8 @@ def test_low_screen_shows_everything(page: Page, robot: FakeRobot) -> None:
     page.click("[data-tool=pan]")
     page.click("text=Wheels")
     expect(charts).to_be_visible()
-    page.locator(".tp-charts > div").last.scroll_into_view_if_needed()
-    expect(page.locator(".tp-charts > div").last).to_be_in_viewport(ratio=0.99)
+    expect(page.locator(".tp-charts > div").last).to_be_in_viewport(ratio=1.0)
+    assert page.locator(".tp-left").evaluate("left => left.scrollHeight <= left.clientHeight")
     assert page.locator(".tp-charthead").evaluate_all(CUT) == []
 
 

@@ -7,7 +7,7 @@ import uPlot from "./uplot_module.js";
 
 const HISTORY_S = 120;
 const WINDOWS_S = [10, 30, 60, 120];
-const LOW_SCREEN = "(min-width: 901px) and (max-height: 720px)"; // map and charts do not both fit
+const LOW_SCREEN = "(min-width: 901px) and (max-height: 720px), (min-width: 561px) and (max-height: 499px)"; // map and charts do not both fit
 const COLUMNS = [
   "time_s",
   ...["left", "right"].flatMap((side) => [
