@@ -1,4 +1,7 @@
-"""`thumper setup` in Chromium: a bare emulated board is flashed, and STOP ends the wheel check."""
+"""`thumper setup` in Chromium: a bare emulated board is flashed, and STOP ends the wheel check.
+
+The check shows the speeds of the wheels.
+"""
 
 import re
 from collections.abc import Callable
@@ -103,6 +106,11 @@ def follow(tmp_path: Path) -> None:
             assert stop is not None
             assert stop["y"] + stop["height"] <= PHONE["height"]  # always in reach
             assert page.evaluate("document.documentElement.scrollWidth") == PHONE["width"]
+            page.wait_for_function(
+                "document.querySelector('.tp-wheels').charts.rows.some((row) => row[2] > 1)"
+            )
+            expect(page.locator(".tp-charts > div").nth(1)).to_be_in_viewport(ratio=1.0)
+            expect(page.locator(".tg-output")).not_to_contain_text("wheels ")
             page.locator(".tp-estop").dispatch_event("pointerdown")
             expect(page.locator(".tg-outcome.tg-fail")).to_have_text("stopped: the wheels are not checked")
             expect(page.get_by_role("button", name="Turn the wheels")).to_be_enabled()

@@ -8,13 +8,16 @@ from dataclasses import asdict
 from importlib.metadata import entry_points
 from itertools import chain
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from thumper.cli.options.common import AsJson, BoardPort, ConfigFile, LidarPort
 from thumper.cli.output.stderr_report import report_unused_ports
 from thumper.doctor.check import Check
+
+if TYPE_CHECKING:
+    from thumper.board.board import TelemetrySample
 
 
 def doctor(
@@ -28,6 +31,7 @@ def doctor(
         bool,
         typer.Option("--spin", help="Also turn each wheel slowly to check the encoders: WHEELS UP."),
     ] = False,
+    speeds: Annotated[bool, typer.Option("--speeds", hidden=True)] = False,
     as_json: AsJson = False,
 ) -> None:
     """Check the computer and, with --board, --lidar or --config, the robot; say how to fix what fails.
@@ -36,7 +40,7 @@ def doctor(
 
     Example: `thumper doctor --board /dev/ttyUSB0 --lidar /dev/ttyACM0`
     """
-    checks = _checks(board, lidar, config, seconds, spin)
+    checks = _checks(board, lidar, config, seconds, spin, speeds)
     if as_json:
         rows = [asdict(check) for check in checks]
         print(json.dumps({"checks": rows, "ok": all(row["verdict"] != "fail" for row in rows)}, indent=2))
@@ -47,7 +51,9 @@ def doctor(
         raise typer.Exit(4)
 
 
-def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: bool) -> Iterator[Check]:
+def _checks(
+    board: str, lidar: str, config: Path | None, seconds: float, spin: bool, speeds: bool
+) -> Iterator[Check]:
     from thumper.config.robot import load_config, shared_port, with_ports
     from thumper.doctor.board_checks import check_board
     from thumper.doctor.host_checks import check_set_up
@@ -73,9 +79,16 @@ def _checks(board: str, lidar: str, config: Path | None, seconds: float, spin: b
             spin=_consent if spin else None,
             also=sensor_checks,
             needs_gyroscope=settings.imu.uses_board,
+            on_turning=_print_speeds if speeds else lambda sample: None,
         )
     else:
         yield from sensor_checks
+
+
+def _print_speeds(sample: "TelemetrySample") -> None:
+    """Print time [s], speeds [mrad/s] and PWM of both sides, for the page of `thumper setup`."""
+    t = sample.telemetry
+    print(f"wheels {sample.time_s:.3f} {t.left_speed} {t.right_speed} {t.left_pwm} {t.right_pwm}", flush=True)
 
 
 def _consent() -> bool:

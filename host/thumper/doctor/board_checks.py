@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from thumper.board.board import Board
+from thumper.board.board import Board, TelemetrySample
 from thumper.board.gyroscope import check_gyroscope
 from thumper.board.messages import Command, GyroscopeState, Telemetry
 from thumper.board.options import BoardOptions
@@ -28,6 +28,7 @@ from thumper.odometry.wheel_odometry import count_delta
 
 SPIN_PWM, SPIN_S, SETTLE_S = 60, 0.8, 0.5  # a quarter of full power
 POLL_S = 0.2
+OnTurning = Callable[[TelemetrySample], None]
 
 
 def check_board(
@@ -37,11 +38,13 @@ def check_board(
     spin: Callable[[], bool] | None,
     also: Iterator[Check],
     needs_gyroscope: bool = False,
+    on_turning: OnTurning = lambda sample: None,
 ) -> Iterator[Check]:
     """Check the link and the battery; turn the wheels if `spin` is given and returns True.
 
-    A gyroscope that the board does not use is a failed check only with `needs_gyroscope`. `also` are checks
-    to run before the board's port closes: a simulated robot ends with its last port.
+    `on_turning` receives the telemetry while they turn. A gyroscope that the board does not use is a failed
+    check only with `needs_gyroscope`. `also` are checks to run before the board's port closes: a simulated
+    robot ends with its last port.
     """
     port: SerialPort | None = None
     try:
@@ -55,7 +58,9 @@ def check_board(
             yield from also
         return
     try:
-        yield from _checks(board, config.port, port.now_s, seconds, spin, needs_gyroscope)
+        yield from _checks(
+            board, config.port, port.now_s, seconds, spin, needs_gyroscope, on_turning=on_turning
+        )
         yield from also
     finally:
         board.close()
@@ -68,6 +73,8 @@ def _checks(
     seconds: float,
     spin: Callable[[], bool] | None,
     needs_gyroscope: bool,
+    *,
+    on_turning: OnTurning,
 ) -> Iterator[Check]:
     i = board.identity
     version = f"{i.version_major}.{i.version_minor}.{i.version_patch}"
@@ -93,7 +100,7 @@ def _checks(
         elif not spin():
             yield Check(verdict="warn", what="encoder directions not checked", fix="you answered no")
         else:
-            yield from _spin(board, clock_s)
+            yield from _spin(board, clock_s, on_turning)
     except ThumperError as error:
         yield Check(verdict="fail", what="board", fix=str(error))
 
@@ -134,37 +141,41 @@ def _record(board: Board, clock_s: Callable[[], float], seconds: float) -> tuple
     return stream, last
 
 
-def _spin(board: Board, clock_s: Callable[[], float]) -> Iterator[Check]:
+def _spin(board: Board, clock_s: Callable[[], float], on_turning: OnTurning) -> Iterator[Check]:
     """Turn each side alone, forward and slowly; the motors are off between and afterwards."""
     for side in ("left", "right"):
         board.command(Command.CLEAR_FAULT)
         board.command(Command.ARM)
         try:
-            start = _drive(board, clock_s, side, 0, 0.1)
-            end = _drive(board, clock_s, side, SPIN_PWM, SPIN_S)
+            start = _drive(board, clock_s, side, 0, 0.1, on_turning)
+            end = _drive(board, clock_s, side, SPIN_PWM, SPIN_S, on_turning)
         finally:
             board.set_motor_pwm(0, 0)
             board.command(Command.DISARM)
-        _settle(board, clock_s)
+        _settle(board, clock_s, on_turning)
         left = count_delta(start.left_count, end.left_count)
         right = count_delta(start.right_count, end.right_count)
         own, other = (left, right) if side == "left" else (right, left)
         yield judge_spin(side, own, other, (end.lost_edges - start.lost_edges) % 2**16)
 
 
-def _drive(board: Board, clock_s: Callable[[], float], side: str, pwm: int, seconds: float) -> Telemetry:
+def _drive(
+    board: Board, clock_s: Callable[[], float], side: str, pwm: int, seconds: float, on_turning: OnTurning
+) -> Telemetry:
     last: Telemetry | None = None
     until_s = clock_s() + seconds
     while clock_s() < until_s:
         board.set_motor_pwm(*((pwm, 0) if side == "left" else (0, pwm)))
         for sample in board.poll(POLL_S):
             last = sample.telemetry
+            on_turning(sample)
     if last is None:
         raise ThumperError("the board sent nothing while a wheel was turning; is the cable loose?")
     return last
 
 
-def _settle(board: Board, clock_s: Callable[[], float]) -> None:
+def _settle(board: Board, clock_s: Callable[[], float], on_turning: OnTurning) -> None:
     until_s = clock_s() + SETTLE_S
     while clock_s() < until_s:
-        board.poll(POLL_S)
+        for sample in board.poll(POLL_S):
+            on_turning(sample)

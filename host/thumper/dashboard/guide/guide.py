@@ -145,6 +145,11 @@ class Guide:
             lines = [line for line in lines if not OF_DEVICES.search(line)]
         return lines
 
+    @property
+    def rows(self) -> list[list[float | None]]:
+        """The wheels' speeds during the wheel check, as rows of the charts."""
+        return self._command.rows if self.step is Step.CHECK and self._command else []
+
     def begin(self, step: Step) -> None:
         """Show a step, unless one is running."""
         if self.busy is not None:
@@ -244,7 +249,7 @@ class Guide:
 
         async def check() -> str:
             ports = ("--board", self._port("board"), "--lidar", self._port("lidar"))
-            command = self._new("doctor", "--config", str(self.config), *ports, "--spin")
+            command = self._new("doctor", "--config", str(self.config), *ports, "--spin", "--speeds")
             status = await command.run(answer="y\n")
             if command.is_interrupted:
                 raise ThumperError("stopped: the wheels are not checked")

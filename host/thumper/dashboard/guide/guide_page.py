@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import json
 from pathlib import Path
 
 from nicegui import app as nicegui_app
@@ -27,6 +28,7 @@ SELECT_GOAL_TOOL = """(function select() {
   if (tool && !tool.disabled) tool.click();
   else setTimeout(select, 100);
 })()"""
+ADD_ROWS = "document.querySelector('.tp-wheels').charts?.append(%s)"
 MARKS = {"pass": "check_circle", "warn": "warning", "fail": "error", "skip": "remove_circle_outline"}
 
 
@@ -111,13 +113,14 @@ class GuideView:
         self._shown: tuple[object, ...] = ()  # what the built steps show
         self._outcome: ui.label | None = None
         self._output: ui.label | None = None
+        self._sent = 0  # of the wheel check's rows
 
     def refresh(self) -> None:
         """Rebuild the steps if they have changed; else update only the texts."""
         guide = self._guide
         outcome = guide.outcomes.get(guide.step)
         verdict = outcome.verdict if outcome else ""
-        moves = (guide.is_moving, guide.is_armed)
+        moves = (guide.is_moving, guide.is_armed, bool(guide.rows))
         now = (guide.step, guide.busy, verdict, guide.is_tuned, moves, self._controls.confirming)
         if now != self._shown:
             is_new_step = self._shown[:1] != now[:1]
@@ -129,6 +132,9 @@ class GuideView:
                 ui.run_javascript(SHOW_STEP)
                 if guide.step is Step.GOAL:
                     ui.run_javascript(SELECT_GOAL_TOOL)
+        if guide.rows[self._sent :]:
+            ui.run_javascript(ADD_ROWS % json.dumps(guide.rows[self._sent :]))
+        self._sent = len(guide.rows)
         if self._outcome is not None:
             self._outcome.set_text(outcome.text if outcome else "")
         if self._output is not None:
@@ -137,6 +143,8 @@ class GuideView:
     def _build(self) -> None:
         guide = self._guide
         self._main.props(f"data-step={guide.step}")
+        has_charts = guide.step is Step.TUNE or bool(guide.rows)
+        self._main.props("data-charts") if has_charts else self._main.props(remove="data-charts")
         self._steps.clear()
         self._outcome = self._output = None
         with self._steps:

@@ -116,7 +116,8 @@ class StepControls:
     def _check(self) -> None:
         if not self._is_simulated:
             _text("Put the chassis on a block: wheels off the ground, and a hand on the switch.")
-        _text("Each side turns alone for a second. Watch: each must turn forward.")
+        watched = "the charts" if self._is_simulated else "the wheels and the charts"
+        _text(f"Each side turns alone for a second. Watch {watched}: each must turn forward.")
         if self.confirming:
             self._confirm("Are all wheels off the ground?", "Yes, turn the wheels", self._guide.check)
             return
