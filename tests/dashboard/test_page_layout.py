@@ -220,7 +220,7 @@ def test_a_phone_on_its_side_shows_map_and_joystick_beside_each_other(page: Page
 
 
 def test_no_arrow_covers_a_tab(page: Page) -> None:
-    for size in ((1440, 900), (1024, 768), (390, 844), (360, 640), (844, 390)):
+    for size in ((1440, 900), (1024, 768), (390, 844), (360, 640), (844, 390), (667, 375)):
         page.set_viewport_size({"width": size[0], "height": size[1]})
         page.wait_for_timeout(300)  # Quasar measures the tabs
         expect(page.locator(".tp-tab-system")).to_be_in_viewport(ratio=1.0)
