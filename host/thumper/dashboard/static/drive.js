@@ -57,7 +57,7 @@ class ManualDrive {
       <div class="tp-stickside">
         <label class="tp-check"><input type="checkbox"> Turbo</label>
         <button type="button" class="tp-override" title="Hold this button or Shift to drive although something is in the way">Hold: ignore obstacles</button>
-        <div class="tp-speeds"><span></span><span></span></div>
+        <div class="tp-speeds" title="What you ask for. The floor slows the wheels, most in turns: the charts show their speeds"><span></span><span></span></div>
         <div class="tp-pad"></div>
       </div>`;
     this.area = root.querySelector(".tp-stick");
@@ -203,7 +203,7 @@ class ManualDrive {
       for (const speed of this.speeds) speed.textContent = "";
       return;
     }
-    this.speeds[0].textContent = `${(forward * scale * limits.v_m_s).toFixed(2)} m/s`;
+    this.speeds[0].textContent = `asked: ${(forward * scale * limits.v_m_s).toFixed(2)} m/s`;
     this.speeds[1].textContent = `${(left * scale * limits.w_rad_s).toFixed(2)} rad/s`;
   }
 }
