@@ -5,7 +5,7 @@ from collections import deque
 
 import numpy as np
 
-from thumper.common.geometry import FloatArray, Pose2
+from thumper.common.geometry import FloatArray, Pose2, wrap_angle
 from thumper.slam.grid.view_change import shared_view
 from thumper.slam.scan_matching.beam_evidence import BeamEvidence
 from thumper.slam.scan_matching.pose_trust import PoseTrust
@@ -15,6 +15,8 @@ MIN_DROP = 0.3  # of the fit, from those scans to the next
 SUSPECT_BELOW, SUSPECT_CONTRADICTING = 0.6, 0.1  # fit, and share of contradicting beams, of a suspect scan
 MIN_USUAL_FIT = 0.5  # against which the fit of a doubtful pose is measured: at a wrong place it is often 0.6
 JUMP_M = 0.3  # between the match and odometry's prediction: further than the matcher's usual correction
+# The same for the heading; wheels alone may err by half of a turn.
+JUMP_RAD, WHEELS_TURN_SHARE = 0.15, 0.5
 # From one scan to the next. After more motion, as in a log with a scan for each metre, a right pose may show
 # another room at once.
 MAX_STEP_M, MAX_STEP_RAD = 0.3, 0.3
@@ -101,7 +103,7 @@ class KidnapDetector:
                 if not self._trust.doubt:
                     self.reset()
             return
-        contradicting, jumped = evidence.contradicting_share, pushed_m > JUMP_M + moved_m
+        contradicting, jumped = evidence.contradicting_share, _has_jumped(moved, matched)
         # Among trees many beams contradict the map at a right pose, too.
         unusual = contradicting > CONTRADICTED + self._usual_contradicting()
         if not is_near or not unusual or fit >= SUSPECT_BELOW:
@@ -141,3 +143,14 @@ class KidnapDetector:
             return False
         dropped = fit < sum(self._fits) / RECENT - MIN_DROP
         return dropped and fit < SUSPECT_BELOW and contradicting > SUSPECT_CONTRADICTING
+
+
+def _has_jumped(moved: Pose2, matched: Pose2) -> bool:
+    """Return whether a match is further from odometry than the matcher usually corrects it.
+
+    A scan of the floor, which a robot that rocks sees far ahead, turns the match by as much.
+    """
+    turned_rad = abs(wrap_angle(matched.theta_rad - moved.theta_rad))
+    return matched.distance_m(moved) > JUMP_M + math.hypot(
+        moved.x_m, moved.y_m
+    ) or turned_rad > JUMP_RAD + WHEELS_TURN_SHARE * abs(moved.theta_rad)

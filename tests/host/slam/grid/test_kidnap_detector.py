@@ -168,3 +168,22 @@ def test_bad_scans_in_a_row_are_a_doubt_only_if_they_are_unusual(usual: float, d
         evidence = BAD._replace(contradicting_share=contradicting)
         detector.update(evidence, hits_m, step, step)
     assert detector.doubtful == doubtful
+
+
+@pytest.mark.parametrize(
+    ("matched_rad", "same_view", "suspect"), [(0.15, False, True), (-0.05, False, False), (0.15, True, False)]
+)
+def test_a_match_that_turns_against_odometry_is_suspect_unless_the_view_stays(
+    matched_rad: float, same_view: bool, suspect: bool
+) -> None:
+    """A robot that rocks sees the floor in one scan: a line far ahead, which fits other walls of the map."""
+    detector = KidnapDetector(0.1, 0.1)
+    good = BeamEvidence(supports=np.zeros(0), explained=0.9, fit=0.8, contradicting_share=0.05)
+    floor = BeamEvidence(supports=np.zeros(0), explained=0.7, fit=0.6, contradicting_share=0.02)
+    post_m = Pose2(x_m=1.6).apply(0.1 * np.random.default_rng(1).normal(size=(40, 2)))
+    for _ in range(6):
+        detector.update(good, post_m, Pose2(), Pose2())
+    moved, matched = Pose2(theta_rad=-0.12), Pose2(theta_rad=matched_rad)
+    floor_m = np.column_stack((np.full(40, 4.8), np.linspace(-2.0, 2.0, 40)))
+    detector.update(floor, moved.inverse().apply(post_m) if same_view else floor_m, moved, matched)
+    assert detector.suspect == suspect
