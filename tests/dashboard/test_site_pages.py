@@ -458,7 +458,7 @@ def test_answers_are_wider_than_their_links_on_a_phone(browser: Browser, pages: 
 
 def test_first_column_stays_while_a_wide_table_scrolls_on_a_phone(browser: Browser, pages: Path) -> None:
     page = browser.new_page(viewport={"width": 390, "height": 900})
-    page.goto((pages / "results/navigation.html").as_uri())
+    page.goto((pages / "results/navigation-history.html").as_uri())
     wide = page.locator(".md-typeset__scrollwrap").filter(has=page.locator("td:nth-child(11)")).first
     first = wide.locator("td").first
     wide.evaluate("(one) => (one.scrollLeft = 200)")
