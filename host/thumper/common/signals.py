@@ -6,12 +6,14 @@ library (numba makes one each time a kernel returns an array), the exception is 
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 """Ctrl-C, `kill`, and the end of the terminal or ssh session: each stops the motors first."""
+
+Handler = Callable[[int, FrameType | None], object]
 
 _received = [False]  # not an Event: a handler must not wait for a lock that the interrupted code may hold
 
@@ -25,20 +27,12 @@ def forget_interrupts() -> None:
 def record_interrupts() -> Iterator[None]:
     """Record each signal that raises KeyboardInterrupt, for `raise_lost_interrupt`.
 
-    Does nothing outside the main thread, because only the main thread receives signals.
+    Does nothing outside the main thread.
     """
-    if threading.current_thread() is not threading.main_thread():
+    if _in_main_thread():
+        forget_interrupts()
+    with _handled_by(_interrupt, instead_of=(signal.default_int_handler,)):
         yield
-        return
-    forget_interrupts()
-    ours = [number for number in STOP_SIGNALS if signal.getsignal(number) is signal.default_int_handler]
-    for number in ours:
-        signal.signal(number, _interrupt)
-    try:
-        yield
-    finally:
-        for number in ours:
-            signal.signal(number, signal.default_int_handler)
 
 
 @contextmanager
@@ -56,29 +50,38 @@ def raise_lost_interrupt() -> Iterator[None]:
 def hold_interrupt() -> Iterator[list[int]]:
     """Hold the first Ctrl-C back until the block has ended; a second one raises KeyboardInterrupt at once.
 
-    Yields the signals held so far. Holds nothing outside the main thread, which alone receives signals.
+    Yields the signals held so far. Holds nothing outside the main thread.
     """
     held: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield held
-        return
-    before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
 
     def hold(number: int, frame: FrameType | None) -> None:
         if held:
             _interrupt(number, frame)
         held.append(number)
 
-    ours = [
-        number for number, handler in before.items() if handler in (_interrupt, signal.default_int_handler)
-    ]
-    for number in ours:
-        signal.signal(number, hold)
-    try:
+    with _handled_by(hold, instead_of=(_interrupt, signal.default_int_handler)):
         yield held
+
+
+@contextmanager
+def _handled_by(handler: Handler, *, instead_of: tuple[Handler, ...]) -> Iterator[None]:
+    """Replace these handlers of the stop signals; only in the main thread, which alone receives signals."""
+    if not _in_main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in STOP_SIGNALS}
+    ours = [number for number, one in before.items() if one in instead_of]
+    for number in ours:
+        signal.signal(number, handler)
+    try:
+        yield
     finally:
         for number in ours:
             signal.signal(number, before[number])
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:
