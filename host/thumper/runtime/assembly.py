@@ -109,10 +109,7 @@ def open_robot(
             find_objects = stack.enter_context(detector_thread(config.camera))
         board = Board.open(config.board.port, baud=config.board.baud)
         stack.callback(board.close)
-        config = replace(config, drive=geometry_of(config.drive, board.identity))
-        check_low_battery(config.dock, board.identity)
-        ramp = board.get_parameter("acceleration"), board.get_parameter("deceleration")
-        check_braking(config.navigation.limits, *ramp)
+        config = replace(config, drive=_checked_geometry(config, board))
         if config.imu.uses_board:
             wait_for_gyroscope(board)
         feeds = []
@@ -348,10 +345,7 @@ def _connect(config: RobotConfig) -> Connecting:
     """Reach the configured board again; raises ThumperError if it is another one."""
     board = yield from Board.connect(config.board.port, baud=config.board.baud)
     try:
-        geometry_of(config.drive, board.identity)
-        check_low_battery(config.dock, board.identity)
-        ramp = board.get_parameter("acceleration"), board.get_parameter("deceleration")
-        check_braking(config.navigation.limits, *ramp)
+        _checked_geometry(config, board)
     except ThumperError:
         board.close()
         raise
@@ -419,6 +413,16 @@ EFFECTIVE_TRACKS = 0.9, 2.5
 """Least and largest effective track, in distances between the wheels: 1.5 here, 1 without slip."""
 GEOMETRY = ("track_m", "counts_per_rev", "wheel_radius_m")
 """What the board also knows; settled once it has answered, so a different board later is a contradiction."""
+
+
+def _checked_geometry(config: RobotConfig, board: Board) -> DriveOptions:
+    """Return the geometry; refuse a board whose settings contradict the configuration."""
+    drive = geometry_of(config.drive, board.identity)
+    check_low_battery(config.dock, board.identity)
+    check_braking(
+        config.navigation.limits, board.get_parameter("acceleration"), board.get_parameter("deceleration")
+    )
+    return drive
 
 
 def geometry_of(drive: DriveOptions, identity: Identity) -> DriveOptions:
