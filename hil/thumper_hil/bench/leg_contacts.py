@@ -47,7 +47,7 @@ class LegContacts:
         self.by_robot = 0
         self.by_people = 0
         self._footprint_m = footprint_m
-        # How far each touching leg, by its index, was in the outline when it walked in: nan after a contact.
+        # How far each touching leg, by its index, was in the outline when it walked in: inf after a contact.
         self._touching: dict[int, float] = {}
         self._time_s = 0.0
         self._poses: deque[tuple[float, Pose2]] = deque()
@@ -73,14 +73,17 @@ class LegContacts:
                 continue
             depth_m = _depth_m(outline_m, leg)
             if in_m is None:
-                is_robots = self._is_robots(pose, before, leg, self._paths[index][0], elapsed_s)
+                in_m, is_robots = (
+                    depth_m,
+                    self._is_robots(pose, before, leg, self._paths[index][0], elapsed_s),
+                )
                 self.by_people += not is_robots
-            elif not self._rests(index):
-                in_m, is_robots = in_m if math.isnan(in_m) else depth_m, False
             else:
-                is_robots = depth_m > in_m + PUSHED_M
+                rests = self._rests(index)
+                is_robots = rests and depth_m > in_m + PUSHED_M
+                in_m = in_m if rests or in_m == math.inf else depth_m
             self.by_robot += is_robots
-            touching[index] = math.nan if is_robots else depth_m if in_m is None else in_m
+            touching[index] = math.inf if is_robots else in_m
         self._touching = touching
 
     def _rests(self, index: int) -> bool:

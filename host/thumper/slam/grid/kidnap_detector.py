@@ -103,7 +103,10 @@ class KidnapDetector:
                 if not self._trust.doubt:
                     self.reset()
             return
-        contradicting, jumped = evidence.contradicting_share, _has_jumped(moved, matched)
+        contradicting, jumped = evidence.contradicting_share, pushed_m > JUMP_M + moved_m
+        # A scan of the floor, which a robot that rocks sees far ahead, turns the match.
+        turned_rad = abs(wrap_angle(matched.theta_rad - moved.theta_rad))
+        jumped |= turned_rad > JUMP_RAD + WHEELS_TURN_SHARE * abs(moved.theta_rad)
         # Among trees many beams contradict the map at a right pose, too.
         unusual = contradicting > CONTRADICTED + self._usual_contradicting()
         if not is_near or not unusual or fit >= SUSPECT_BELOW:
@@ -143,14 +146,3 @@ class KidnapDetector:
             return False
         dropped = fit < sum(self._fits) / RECENT - MIN_DROP
         return dropped and fit < SUSPECT_BELOW and contradicting > SUSPECT_CONTRADICTING
-
-
-def _has_jumped(moved: Pose2, matched: Pose2) -> bool:
-    """Return whether a match is further from odometry than the matcher usually corrects it.
-
-    A scan of the floor, which a robot that rocks sees far ahead, turns the match by as much.
-    """
-    turned_rad = abs(wrap_angle(matched.theta_rad - moved.theta_rad))
-    return matched.distance_m(moved) > JUMP_M + math.hypot(
-        moved.x_m, moved.y_m
-    ) or turned_rad > JUMP_RAD + WHEELS_TURN_SHARE * abs(moved.theta_rad)
