@@ -1,7 +1,7 @@
-"""Write docs/reference/cli.md and docs/reference/options.md from the commands and the configuration.
+"""Write the reference of the commands and of the options: cli.md, cli/*.md and options.md in docs/reference.
 
-Run `make reference` after you change a command or an option. `--check` only reports whether both are up to
-date.
+Run `make reference` after you change a command or an option. `--check` only reports whether the pages are
+up to date.
 """
 
 import argparse
@@ -36,19 +36,38 @@ SHARED = ("--config", "--bus", "--robot")
 SIGNS = ((Ge, "ge", "≥"), (Gt, "gt", ">"), (Le, "le", "≤"), (Lt, "lt", "<"))
 
 
-def cli_page() -> str:
-    """Return one section per command, grouped by task as in `thumper --help`."""
+def cli_pages() -> dict[str, str]:
+    """Return the pages of the commands by file name: an index, and one for each group of `thumper --help`."""
+    app, pages = _app(), {"cli.md": _index_page(_app())}
+    for panel, names in PANELS.items():
+        sections = [line for name in names for line in _sections(app.commands[name], name)]
+        pages[_group_file(panel)] = "\n".join([NOTE, f"# {panel}\n", *sections])
+    return pages
+
+
+def _group_file(panel: str) -> str:
+    return f"cli/{panel.lower().replace(' ', '-')}.md"
+
+
+def _index_page(app: Any) -> str:
+    """Return the page with a line per command, the shared options and the exit codes."""
     parts = [
         NOTE,
         "# Commands\n",
-        "`thumper COMMAND --help` shows the same text. The [exit codes](#exit-codes) are at the end.\n",
+        "Each command links to its options; `thumper COMMAND --help` shows the same text. The "
+        "[exit codes](#exit-codes) are at the end.\n",
+    ]
+    for panel, names in PANELS.items():
+        file = _group_file(panel)
+        lines = [line for name in names for line in _index(app.commands[name], name, file)]
+        parts += [f"## {panel}\n", *lines, ""]
+    parts += [
         "## Shared options\n",
         "Many commands have these options. Their sections name them below the table.\n",
         "| option | value | |",
         "|---|---|---|",
         *(f"| `{name}` | {_value(row)} | {_text(row.help)} |" for name, row in _shared_options().items()),
         "",
-        *_groups(_app()),
         "## Exit codes\n",
         "| code | meaning |",
         "|---|---|",
@@ -74,28 +93,24 @@ def _shared_options() -> dict[str, Any]:
     return {row.opts[0]: row for row in _app().commands["goto"].params if row.opts[0] in SHARED}
 
 
-def _groups(app: Any) -> Iterator[str]:
-    """Yield a heading for each group of commands, a list of them, and their sections."""
-    for panel, names in PANELS.items():
-        yield f"## {panel}\n"
-        for name in names:
-            first, _, _ = _text(app.commands[name].help or "").partition(". ")
-            yield f"- [`thumper {name}`](#thumper-{name}): {first.rstrip('.')}"
-        yield ""
-        for name in names:
-            yield from _sections(app.commands[name], f"thumper {name}")
+def _index(command: Any, name: str, file: str) -> Iterator[str]:
+    """Yield the line of a command, and below it those of its subcommands."""
+    first, _, _ = _text(command.help or "").partition(". ")
+    indent = "    " * name.count(" ")
+    yield f"{indent}- [`thumper {name}`]({file}#thumper-{name.replace(' ', '-')}): {first.rstrip('.')}"
+    for key, one in sorted(getattr(command, "commands", {}).items()):
+        yield from _index(one, f"{name} {key}", file)
 
 
 def _sections(command: Any, name: str) -> Iterator[str]:
     """Yield the lines of a command and its subcommands."""
-    yield f"### {name}\n"
+    yield f"##{'#' * name.count(' ')} thumper {name}\n"
     for paragraph in (command.help or "").strip().split("\n\n"):
         lines = [paragraph] if not paragraph.startswith("- ") else paragraph.splitlines()
         yield "\n".join(map(_text, lines)) + "\n"
     yield from _table(command)
-    below = getattr(command, "commands", {})
-    for key in sorted(below):
-        yield from _sections(below[key], f"{name} {key}")
+    for key, one in sorted(getattr(command, "commands", {}).items()):
+        yield from _sections(one, f"{name} {key}")
 
 
 def _table(command: Any) -> Iterator[str]:
@@ -120,7 +135,7 @@ def _table(command: Any) -> Iterator[str]:
         yield ""
     if shared:
         names = ", ".join(f"`{name}`" for name in shared)
-        yield f"{'Also' if rows else 'Options:'} {names} ([shared options](#shared-options)).\n"
+        yield f"{'Also' if rows else 'Options:'} {names} ([shared options](../cli.md#shared-options)).\n"
 
 
 def _value(row: Any) -> str:
@@ -266,20 +281,20 @@ def _with_capital_and_stop(words: str) -> str:
 def _text(words: str) -> str:
     """Convert help text to one line of Markdown, with table and link characters escaped.
 
-    A path of a page of the reference becomes a link.
+    A path of a page of the reference becomes a link from the pages of the commands.
     """
     paragraphs = [" ".join(one.split()) for one in words.split("\n\n")]
     line = " ".join(paragraphs).replace("|", "\\|").replace("[", "\\[").replace("<", "&lt;")
-    return PAGE.sub(r"[\1](\1.md)", OPTION.sub(r"`\g<0>`", line))
+    return PAGE.sub(r"[\1](../\1.md)", OPTION.sub(r"`\g<0>`", line))
 
 
 def main() -> int:
-    """Write both pages, or report which is stale."""
+    """Write the pages, or report which are stale."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="write nothing; exit 1 if a page is stale")
     check = parser.parse_args().check
     stale = False
-    for name, text in (("cli.md", cli_page()), ("options.md", options_page())):
+    for name, text in {**cli_pages(), "options.md": options_page()}.items():
         path = PAGES / name
         if path.exists() and path.read_text(encoding="utf-8") == text:
             continue
@@ -287,6 +302,7 @@ def main() -> int:
         if check:
             print(f"stale: {path.relative_to(PAGES.parents[1])}; run `make reference`")
         else:
+            path.parent.mkdir(exist_ok=True)
             path.write_text(text, encoding="utf-8")
             print(f"wrote {path.relative_to(PAGES.parents[1])}")
     return 1 if check and stale else 0

@@ -202,7 +202,7 @@ def test_search_puts_guides_before_results(browser: Browser, site: Path, words: 
     context.close()
 
 
-@pytest.mark.parametrize("name", ["reference/cli.html", "reference/options.html", "reference/bus.html"])
+@pytest.mark.parametrize("name", ["reference/cli/drive.html", "reference/options.html", "reference/bus.html"])
 def test_descriptions_of_tables_are_on_the_screen_of_a_phone(
     browser: Browser, pages: Path, name: str
 ) -> None:
@@ -325,7 +325,7 @@ def test_labels_of_wide_drawings_can_be_read_on_a_phone(browser: Browser, pages:
 
 @pytest.mark.parametrize(
     ("name", "width"),
-    [("reference/cli", 390), ("explanation/architecture", 1440)],
+    [("reference/cli/drive", 390), ("explanation/architecture", 1440)],
 )
 def test_names_in_tables_do_not_break(browser: Browser, pages: Path, name: str, width: int) -> None:
     page = browser.new_page(viewport={"width": width, "height": 900})
@@ -420,7 +420,7 @@ def test_a_name_in_a_table_breaks_between_its_parts(browser: Browser, pages: Pat
     page.close()
 
 
-@pytest.mark.parametrize("name", ["reference/options.html", "reference/cli.html"])
+@pytest.mark.parametrize("name", ["reference/options.html", "reference/cli/drive.html"])
 def test_descriptions_of_options_keep_room_for_words_on_a_phone(
     browser: Browser, pages: Path, name: str
 ) -> None:

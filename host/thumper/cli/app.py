@@ -76,7 +76,8 @@ COMMANDS = {  # plugins of other packages add more
 }
 PANELS = {  # the order of `thumper --help`
     "Try it without hardware": ("demo", "sim"),
-    "Set up a robot": ("setup", "doctor", "flash", "tune", "parameters", "calibrate", "bus"),
+    "Set up a robot": ("setup", "doctor", "flash", "parameters", "bus"),
+    "Tune and calibrate": ("tune", "calibrate"),
     "Drive": ("run", "explore", "dock", "goto", "stop", "teleop", "mode", "save"),
     "Watch and connect": ("status", "watch", "dashboard", "ros", "foxglove"),
     "Recordings": ("record", "replay", "export", "recover"),
