@@ -447,7 +447,7 @@ def test_tables_fit_their_window(browser: Browser, pages: Path, name: str, width
 
 def test_answers_are_wider_than_their_links_on_a_phone(browser: Browser, pages: Path) -> None:
     page = browser.new_page(viewport={"width": 390, "height": 900})
-    page.goto((pages / "results/navigation.html").as_uri())
+    page.goto((pages / "results/mapping.html").as_uri())
     table = page.locator("article table").first
     answer, link = table.locator("td:nth-child(2), td:nth-child(3)").evaluate_all(
         "all => all.slice(0, 2).map((one) => one.offsetWidth)"
