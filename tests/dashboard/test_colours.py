@@ -12,6 +12,7 @@ from thumper.common.colours import (
     GREY,
     OCCUPIED_COLOUR,
     ORANGE,
+    PURPLE,
     RED,
     UNKNOWN_COLOUR,
 )
@@ -32,6 +33,7 @@ def test_pages_and_pictures_share_one_table() -> None:
     page = colours_of((STATIC / "style.css").read_text(encoding="utf-8"), ":root")
     robot = colours_of(ROBOT_STYLE.read_text(encoding="utf-8"), "#robot")
     table = {"plan": ORANGE, "goal": ORANGE, "scan": RED, "speed": BLUE, "setpoint": GREY}
+    table |= {"keepout": PURPLE}
     table |= {"map-unknown": UNKNOWN_COLOUR, "map-free": FREE_COLOUR, "map-wall": OCCUPIED_COLOUR}
     assert {name: page[name] for name in table} == table
     table = {"scan": RED, "robot": BLUE, "left": BLUE}

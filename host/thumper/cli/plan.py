@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from thumper.navigation.costmap.filters import Masks
     from thumper.navigation.options import NavigationOptions
 
-KEEP_OUT_SHADE = 40  # occupancy in percent with which to draw a keep-out zone
-
 
 def _planners() -> list[str]:
     from thumper.navigation.registry import PLANNERS  # slow
@@ -156,11 +154,9 @@ def _draw(grid: "OccupancyGrid", keepout: "Masks", answer: "PlanAnswer", png: Pa
     from thumper.maps.plot import plot_map
     from thumper.navigation.costmap.filters import keepout_cells
 
-    closed = keepout_cells(keepout, grid) & (grid.cells < KEEP_OUT_SHADE)
-    grid = dataclasses.replace(grid, cells=np.where(closed, KEEP_OUT_SHADE, grid.cells).astype(np.int8))
+    path_m = np.empty((0, 2)) if answer.path_m is None else answer.path_m
     try:
-        path_m = np.empty((0, 2)) if answer.path_m is None else answer.path_m
-        plot_map(grid, path_m, png, title, planned=True)
+        plot_map(grid, path_m, png, title, planned=True, keepout=keepout_cells(keepout, grid))
     except (OSError, ValueError) as error:
         raise ThumperError(
             f"{png}: cannot be written ({error}); choose another file with --png", exit_code=EXIT_USAGE

@@ -1,21 +1,31 @@
 """Draw maps, and paths in them, as pictures."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from thumper.common.colours import BLUE, FREE_COLOUR, OCCUPIED_COLOUR, ORANGE, UNKNOWN_COLOUR
+from thumper.common.colours import BLUE, FREE_COLOUR, OCCUPIED_COLOUR, ORANGE, PURPLE, UNKNOWN_COLOUR
 from thumper.common.files import write_whole
 from thumper.common.geometry import FloatArray
 from thumper.maps.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 LONG_SIDE_PX, BORDER_PX, BOTTOM_PX, DPI = 1200, 90, 54, 120
 MARGIN_M = 0.5
+LEGEND: dict[str, Any] = {
+    "loc": "lower center",
+    "bbox_to_anchor": (0.5, 1.0),
+    "frameon": False,
+    "fontsize": 9,
+}
+TITLE_ABOVE_LEGEND_PT = 22
+_ZONE = to_rgba(PURPLE, 0.3)
 
 
 class _Image(NamedTuple):
@@ -41,11 +51,18 @@ def draw_grid(axes: Axes, grid: OccupancyGrid) -> None:
 
 
 def plot_map(
-    grid: OccupancyGrid, path_m: FloatArray, png_path: Path, title: str, *, planned: bool = False
+    grid: OccupancyGrid,
+    path_m: FloatArray,
+    png_path: Path,
+    title: str,
+    *,
+    planned: bool = False,
+    keepout: NDArray[np.bool_] | None = None,
 ) -> None:
     """Write a PNG of the known part of the map and the path, shape (n, 2) [m].
 
-    As in the other pictures, a planned path is orange, a driven one blue.
+    As in the other pictures, a planned path is orange, a driven one blue. `keepout` marks the cells of the
+    grid that are in keep-out zones.
     """
     height, width = _known_part(grid).pixels.shape
     scale = max(1, LONG_SIDE_PX // max(height, width))  # whole pixels per cell: all cells look the same
@@ -62,10 +79,28 @@ def plot_map(
         axes.plot(path_m[:, 0], path_m[:, 1], color=colour, linewidth=1.0, alpha=0.85, label="path")
         axes.plot(*path_m[0], "o", color=colour, markersize=7, markerfacecolor="white", label="start")
         axes.plot(*path_m[-1], "o", color=colour, markersize=7, label=last)
-        axes.legend(loc="upper right", frameon=True, framealpha=0.9)
-    axes.set(title=title)
+    zones = []
+    if keepout is not None and keepout.any():
+        _draw_zones(axes, grid, keepout)
+        zones = [Patch(color=_ZONE, label="keep-out zone")]
+    handles = axes.get_legend_handles_labels()[0] + zones
+    if handles:
+        axes.legend(handles=handles, ncols=len(handles), **LEGEND)
+    axes.set_title(title, pad=TITLE_ABOVE_LEGEND_PT if handles else None)
     axes.grid(color="#9fb0c0", linewidth=0.4, alpha=0.5)
     save_figure(figure, png_path, DPI)
+
+
+def _draw_zones(axes: Axes, grid: OccupancyGrid, keepout: NDArray[np.bool_]) -> None:
+    """Colour the keep-out zones, but no wall; the axes keep their limits."""
+    axes.autoscale(False)
+    height_m, width_m = (size * grid.resolution_m for size in keepout.shape)
+    axes.imshow(
+        np.where((keepout & (grid.cells < OCCUPIED))[..., np.newaxis], _ZONE, 0.0),
+        origin="lower",
+        interpolation="nearest",
+        extent=(grid.origin_x_m, grid.origin_x_m + width_m, grid.origin_y_m, grid.origin_y_m + height_m),
+    )
 
 
 def save_figure(figure: Figure, png_path: Path, dpi: int) -> None:

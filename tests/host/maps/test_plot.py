@@ -26,6 +26,18 @@ def test_free_space_walls_and_path_are_visible(tmp_path: Path, planned: bool, pa
         assert (np.abs(picture - rgb).max(axis=2) <= tolerance).sum() > least, colour
 
 
+def test_keepout_zones_are_purple_and_the_walls_in_them_are_not(tmp_path: Path) -> None:
+    cells = np.full((60, 80), FREE, np.int8)
+    cells[:, 40:] = OCCUPIED
+    grid = OccupancyGrid(cells=cells, resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
+    keepout = np.zeros(cells.shape, np.bool_)
+    keepout[:30] = True
+    plot_map(grid, np.zeros((2, 2)), tmp_path / "map.png", "a room", keepout=keepout)
+    picture = matplotlib.image.imread(tmp_path / "map.png")[:, :, :3]
+    purple = (picture[:, :, 0] - picture[:, :, 1] > 0.1) & (picture[:, :, 2] - picture[:, :, 1] > 0.1)
+    assert purple.sum() == pytest.approx(40 * 30 * 15**2, rel=0.03)  # 15 pixels per cell; the swatch
+
+
 def test_a_map_without_a_cell_is_saved_and_drawn(tmp_path: Path) -> None:
     """On open ground the lidar reaches nothing."""
     cells = np.empty((0, 0), np.int8)
