@@ -209,7 +209,7 @@ def test_a_run_that_ends_while_it_tunes_frees_the_guide() -> None:
 
 @pytest.mark.parametrize(
     ("mode", "board_state", "sent"),
-    [("manual", "MANUAL", ["disarm"]), ("driving", "CLOSED_LOOP", []), ("idle", "DISARMED", [])],
+    [("manual", "CLOSED_LOOP", ["disarm"]), ("driving", "CLOSED_LOOP", []), ("idle", "DISARMED", [])],
 )
 def test_a_robot_armed_for_a_step_is_disarmed_after_it(mode: str, board_state: str, sent: list[str]) -> None:
     published: list[str] = []

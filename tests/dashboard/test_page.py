@@ -310,7 +310,7 @@ def test_charts_freeze_and_export_csv(page: Page) -> None:
     assert {len(line.split(",")) for line in lines} == {11}
 
 
-def test_manual_driving_has_no_setpoint(page: Page, robot: FakeRobot) -> None:
+def test_motor_pwm_has_no_setpoint(page: Page, robot: FakeRobot) -> None:
     setpoint = page.locator(".tp-charthead span", has_text="set-point").locator("output").first
     speed = page.locator(".tp-charthead span", has_text="speed").locator("output").first
     expect(setpoint).to_have_text(NUMBER)
@@ -351,7 +351,7 @@ def test_stop_removes_the_plan(page: Page, robot: FakeRobot) -> None:
 def test_colours_show_whether_the_motors_are_on(page: Page, robot: FakeRobot) -> None:
     arm, disarm, chip = page.locator(".tp-arm"), page.locator(".tp-disarm"), page.locator(".tp-board")
     plain, green, grey = "rgba(0, 0, 0, 0)", "rgb(26, 127, 55)", "rgb(243, 245, 248)"
-    amber, yellow, red = "rgb(154, 103, 0)", "rgb(242, 182, 0)", "rgb(207, 34, 46)"
+    amber, red = "rgb(154, 103, 0)", "rgb(207, 34, 46)"
 
     def expect_colours(text: str, colours: tuple[str, str, str], *, armed: bool) -> None:
         expect(chip).to_contain_text(text)
@@ -361,7 +361,7 @@ def test_colours_show_whether_the_motors_are_on(page: Page, robot: FakeRobot) ->
 
     expect_colours("armed", (green, plain, amber), armed=True)
     robot.state = State.MANUAL
-    expect_colours("manual", (yellow, plain, amber), armed=True)
+    expect_colours("armed", (green, plain, amber), armed=True)
     disarm.click()
     page.mouse.move(5, 5)  # a button below the mouse has another colour
     expect_colours("disarmed", (grey, green, plain), armed=False)

@@ -42,7 +42,7 @@ def test_all_text_can_be_read(
     assert page.evaluate("document.body.classList.contains('body--dark')") == (theme == "dark")
     page.wait_for_timeout(300)  # Quasar fades the tab
     problems = {}
-    for state in (State.DISARMED, State.MANUAL, State.CLOSED_LOOP):
+    for state in (State.DISARMED, State.CLOSED_LOOP):
         robot.state = state
         page.wait_for_function(f"document.body.dataset.board === '{state.name.lower()}'")
         problems[state.name] = page.evaluate(POOR)

@@ -155,11 +155,11 @@ class Walk:
             until(lambda: "| keyboard" in keyboard.screen)  # a key that is held at the start does not count
 
             def hold(key: bytes, state: str, fault: Fault = Fault.NONE) -> None:
-                """Hold a key until the board is in a state, through faults of late commands."""
+                """Hold a key until the board or the robot is in a state, through faults of late commands."""
 
                 def is_there() -> bool:
                     now = robots[-1]
-                    there = (now.board_state, now.fault) == (state, fault)
+                    there = state in (now.board_state, now.mode) and now.fault == fault
                     is_late = now.fault not in (Fault.NONE, fault)
                     again = b"c" if is_late else b"r" if now.board_state == "DISARMED" else key
                     keyboard.held = key if there or key == b"c" else again
@@ -168,7 +168,7 @@ class Walk:
                 until(lambda: bool(robots) and is_there())
 
             hold(b"r", "CLOSED_LOOP")
-            for key, state in ((b"i", "MANUAL"), (b"", "CLOSED_LOOP"), (b"i", "MANUAL")):
+            for key, state in ((b"i", "manual"), (b"", "holding"), (b"i", "manual")):
                 hold(key, state)
                 time.sleep(0.5)  # let the wheels reach their speed, or stop
             self.done(teleop)
@@ -176,7 +176,7 @@ class Walk:
             status = self.run(f"thumper status --config {self._config}")
             hold(b"c", "DISARMED")
             hold(b"r", "CLOSED_LOOP")
-            hold(b"i", "MANUAL")
+            hold(b"i", "manual")
             time.sleep(0.5)
             robot.send_signal(signal.SIGSTOP)
             time.sleep(CABLE_S)

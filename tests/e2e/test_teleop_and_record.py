@@ -92,10 +92,10 @@ def test_a_held_key_drives_and_a_killed_program_stops(robot: Path, client: BusCl
             return bool(wheels[-1].left_speed_mrad_s > 1500 and wheels[-1].right_speed_mrad_s > 1500)
 
         until(hold)
-        assert wheels[-1].state == State.MANUAL
+        assert wheels[-1].state == State.CLOSED_LOOP
         os.kill(process.pid, signal.SIGKILL)
         killed_us = wheels[-1].time_us
-        until(lambda: wheels[-1].state != State.MANUAL)
+        until(lambda: wheels[-1].left_setpoint_mrad_s < wheels[-2].left_setpoint_mrad_s)
         assert wheels[-1].time_us - killed_us <= 600_000  # a command is valid for 0.3 s, plus two cycles
         until(lambda: wheels[-1].left_speed_mrad_s == wheels[-1].right_speed_mrad_s == 0)
     with subprocess.Popen(process.args, stdin=theirs, stdout=subprocess.PIPE) as process:

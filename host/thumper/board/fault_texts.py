@@ -9,7 +9,7 @@ UNREADABLE = (
 STATE_NAMES = {  # of `State`, in plain words
     State.DISARMED.name: "disarmed",
     State.CLOSED_LOOP.name: "armed",
-    State.MANUAL.name: "manual",
+    State.MANUAL.name: "armed",
     State.FAULT.name: "fault",
 }
 ARMED_STATES = (State.CLOSED_LOOP.name, State.MANUAL.name)  # the motors may turn

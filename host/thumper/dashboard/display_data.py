@@ -70,7 +70,7 @@ def wheel_row(message: Message) -> Row:
     """Return a thumper_msgs/Wheels as a row of the charts.
 
     Time [s], then for the left and the right side: set-point and speed [rad/s], PWM, the integral part of
-    the PWM, current [A]. In manual driving, an open loop, there is no set-point: None.
+    the PWM, current [A]. If the host sets the PWM, there is no set-point: None.
     """
     sample = telemetry_of(message)
     t = sample.telemetry

@@ -64,7 +64,7 @@ TOPICS: Mapping[str, Topic] = MappingProxyType(
         "goal": _in("geometry_msgs/msg/PoseStamped"),
         "waypoints": _in("nav_msgs/msg/Path"),
         "initialpose": _in("geometry_msgs/msg/PoseWithCovarianceStamped"),
-        "velocity": _in("geometry_msgs/msg/TwistStamped"),  # of another program, with wheel speed control
+        "velocity": _in("geometry_msgs/msg/TwistStamped"),  # of another program
         "teleop": _in("geometry_msgs/msg/TwistStamped"),  # has priority over `velocity`
         "gamepad": _in("geometry_msgs/msg/TwistStamped"),  # has priority over `teleop`
         "override": _in("std_msgs/msg/Bool"),  # manual commands may touch obstacles; expires after 0.3 s

@@ -113,7 +113,7 @@ COMMANDS = (
 class TeleopSource(IntEnum):
     """Source of manual commands; the greater one has priority."""
 
-    VELOCITY = 0  # another program; with wheel speed control, unlike the others
+    VELOCITY = 0  # another program
     TELEOP = 1
     GAMEPAD = 2
 

@@ -116,7 +116,7 @@ def test_a_late_main_loop_shortens_no_rest() -> None:
 
 @pytest.mark.parametrize("speed_rad_s", [-8.0, 4.0, 12.0])
 def test_a_rolling_wheel_that_is_taken_over_does_not_swing_back(speed_rad_s: float) -> None:
-    """As when the operator releases the stick. With a model speed of zero, the wheel would swing back with 40
+    """As after a drive by motor PWM. With a model speed of zero, the wheel would swing back with 40
     to 70 % of its speed. Up to 26 % remain if the first output is 0 by chance: then the motors coast."""
     chip = InstrumentedChip(ELF, params=RobotParams.load(), seed=1)
     run_for(chip, 0.5)

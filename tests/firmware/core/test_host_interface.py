@@ -81,7 +81,7 @@ def test_link_timeout_starts_at_the_state_change_or_last_command(
     assert host.status()[1] is m.Fault.LINK_LOST
 
 
-def test_a_planner_does_not_keep_a_dead_gamepad_alive(host: HostInterface) -> None:
+def test_wheel_speeds_do_not_keep_motor_pwm_alive(host: HostInterface) -> None:
     host.command(m.Command.ARM)
     host.send(m.SetMotorPwm(left=100, right=100))
     for _ in range(3):

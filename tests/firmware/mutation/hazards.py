@@ -77,11 +77,11 @@ HAZARDS: dict[str, Removal] = {
         "    return event == Event::kEStop ? AckStatus::kOk : Take(event, Fault::kEStop);\n",
         "test_an_emergency_stop_latches_until_cleared",
     ),
-    "a gamepad sends nothing, but the navigator's wheel speeds still arrive": Removal(
+    "a program that set motor PWM is silent, but wheel speeds still arrive": Removal(
         INTERFACE,
         "if (supervisor_.state() == State::kClosedLoop) Drive(",
         "silence_ms_ = 0;\n        if (supervisor_.state() == State::kClosedLoop) Drive(",
-        "test_a_planner_does_not_keep_a_dead_gamepad_alive",
+        "test_wheel_speeds_do_not_keep_motor_pwm_alive",
     ),
     "the robot's program is killed": Removal(INTERFACE, *LINK, "test_robot_process_killed"),
     "the robot's program hangs": Removal(INTERFACE, *LINK, "test_robot_process_hangs"),
@@ -206,7 +206,7 @@ HAZARDS: dict[str, Removal] = {
         "      left_rest_ = 1;\n",
         "test_a_turning_motor_rests_first",
     ),
-    "manual driving ends at speed: the wheels are braked and swing back": Removal(
+    "a drive by motor PWM ends at speed: the wheels are braked and swing back": Removal(
         "core/drive.hpp",
         "    controller_.TrackSpeed(speed);\n",
         "",

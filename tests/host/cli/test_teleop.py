@@ -17,8 +17,8 @@ FAULT = {"fault_words": "left wheels stalled"}
     [
         (0, "DISARMED", "cancelled", "disarmed | +0.20 m/s +0.00 rad/s | cancelled | keyboard"),
         (0, "CLOSED_LOOP", "armed", "armed | +0.20 m/s +0.00 rad/s | keyboard"),
-        (0, "MANUAL", "driven by teleop", "manual | +0.20 m/s +0.00 rad/s | keyboard"),
-        (0, "MANUAL", "driven by teleop; slowed", "manual | +0.20 m/s +0.00 rad/s | slowed | keyboard"),
+        (0, "CLOSED_LOOP", "driven by teleop", "armed | +0.20 m/s +0.00 rad/s | keyboard"),
+        (0, "CLOSED_LOOP", "driven by teleop; slowed", "armed | +0.20 m/s +0.00 rad/s | slowed | keyboard"),
         (3, "FAULT", "", "FAULT, left wheels stalled | +0.20 m/s +0.00 rad/s | c: clear it | keyboard"),
         (0, "", "the board is lost", "+0.20 m/s +0.00 rad/s | the board is lost | keyboard"),
     ],

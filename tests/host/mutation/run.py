@@ -42,7 +42,6 @@ TESTS = {
     "thumper.navigation.safety.velocity_smoother": [f"{SAFETY}test_velocity_smoother.py"],
     "thumper.runtime.drive.data_age": [f"{DRIVE}test_data_age.py"],
     "thumper.runtime.drive.heartbeats": [f"{SERVICE}test_request_queue.py"],
-    "thumper.runtime.drive.manual_pwm": [f"{DRIVE}test_manual_pwm.py"],
     "thumper.runtime.drive.start_gate": [f"{DRIVE}test_start_gate.py"],
     "thumper.runtime.drive.twist_mux": [f"{DRIVE}test_twist_mux.py"],
     "thumper.runtime.requests": ["tests/host/runtime/test_requests.py"],

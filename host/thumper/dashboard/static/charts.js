@@ -168,7 +168,7 @@ class Charts {
       chart.setData([times_s, ...columns.map((column) => rows.map((row) => row[column]))]);
       outputs.forEach((output, k) => {
         const value = rows.at(-1)[columns[k]];
-        output.textContent = value === null ? "–" : fixed(value, digits); // no set-point in manual driving
+        output.textContent = value === null ? "–" : fixed(value, digits); // no set-point in an open loop
       });
     }
   }

@@ -12,7 +12,6 @@ const NO_VALUE = "–";
 const EXPERIMENTS = { identify: "identifying motors", tune: "tuning wheels" };
 const SENSORS = ["camera", "gps", "imu"]; // of some robots; their parts of the page are hidden without them
 const MOTORS = { armed: "armed; the wheels hold still", disarmed: "disarmed; the motors are off" }; // as answers say it
-const MANUAL_TITLE = "PWM without speed control";
 const ARMED = ["CLOSED_LOOP", "MANUAL"];
 const DRIVEN_S = 1; // after this page's last manual command, the robot may still report it
 const NEEDS_MAP = "[data-tool]:not([data-tool=pan], [data-tool=layers])";
@@ -65,7 +64,7 @@ const FIELDS = {
   reason: ({ status, experiment }) => (
     experiment?.running ? experiment.what : lostPose(status) || reasonText(status) || firstStep(status)),
   board_state: (values) => (isTuning(values) ? "tuning"
-    : boardState(values) === "CLOSED_LOOP" ? "armed" : formatName(boardState(values))),
+    : ARMED.includes(boardState(values)) ? "armed" : formatName(boardState(values))),
   localization: ({ status }) => (isPoseLost(status) ? "pose lost" : status?.localization ?? ""),
   lost_words: ({ status }) => (isPoseLost(status) ? "pose lost" : "searching for the pose"),
   battery: ({ board }) => formatVolts(board?.battery_V),
@@ -185,8 +184,6 @@ function refresh() {
   flags.goal = Boolean(state.shown.status?.has_goal);
   flags.board = (kind === "lost" ? "" : boardState(values) ?? "").toLowerCase();
   const isArmed = ARMED.map((name) => name.toLowerCase()).includes(flags.board);
-  const chip = document.querySelector(".tp-board");
-  if (chip) chip.title = flags.board === "manual" ? MANUAL_TITLE : "Motor board";
   const isSilent = isMissing(values.silent_s) || values.silent_s > GONE_S;
   const isGone = Boolean(banner?.dataset.address) && state.connected && isSilent;
   for (const button of document.querySelectorAll("[data-command]")) button.disabled = isGone;

@@ -7,7 +7,7 @@ A drive to a goal does not depend on the client that sent it; a manual command e
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -24,8 +24,7 @@ from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationOutput, NavigationState, Navigator
 from thumper.runtime.drive.assisted_teleop import AssistedTeleop
 from thumper.runtime.drive.data_age import DataAge
-from thumper.runtime.drive.manual_pwm import FeedForward, limited_twist, manual_pwm
-from thumper.runtime.drive.twist_mux import COMMAND_TIMEOUT_S, ManualCommand, TwistMux
+from thumper.runtime.drive.twist_mux import COMMAND_TIMEOUT_S, TwistMux
 from thumper.runtime.requests import TeleopSource, Velocity
 from thumper.runtime.safe_stop import STOP_CYCLES
 from thumper.runtime.state_estimator import RobotState
@@ -34,7 +33,12 @@ GOAL_MARGIN_M, ROBOT_MARGIN_M = 1.0, 2.5  # more than half the controllers' usua
 DISARMED_CYCLES = 3  # telemetry from before ARM may still arrive
 UNKNOWN_GOAL = "goal in unknown space, looking for a path"
 TURNING, TURNING_BELOW_M_S = "turning in place", 0.02
-BY_PROGRAM, RELEASED = "driven by another program", "manual command released"
+RELEASED = "manual command released"
+DRIVERS = {
+    TeleopSource.VELOCITY: "driven by another program",
+    TeleopSource.TELEOP: "driven by teleop",
+    TeleopSource.GAMEPAD: "driven by gamepad",
+}
 
 
 class DriveMode(Enum):
@@ -92,8 +96,6 @@ class DriveManager:
         self._is_goal_unknown = False  # no scan has shown what is at the goal
         self._cruise = Twist2()
         self._speeds = WheelSpeeds()
-        self._pwm = (0, 0)
-        self._feed_forward: FeedForward | None = None
         self._manually_armed = False
         self._cycles_armed = self._disarmed_cycles = self._stop_cycles = 0
 
@@ -120,7 +122,7 @@ class DriveManager:
         self, goal: Goal, telemetry: Telemetry | None, *, task: str = "", clear_fault: bool = False
     ) -> None:
         """Arm and start to drive; a new goal replaces the current one. `task` says what the drive is for."""
-        if self.mode not in (DriveMode.DRIVING, DriveMode.HOLDING):
+        if self.mode in (DriveMode.IDLE, DriveMode.STOPPING):
             self._arm(telemetry, clear_fault=clear_fault)
         self.navigator.set_goal(goal)
         self._cruise = Twist2()  # of a motion that this goal replaces
@@ -172,8 +174,6 @@ class DriveManager:
         self.mux.clear()
         self._cruise = Twist2()
         if self.mode is not DriveMode.IDLE:
-            if self.mode is DriveMode.MANUAL:
-                self.board.command(Command.ARM)
             self._speeds, self._stop_cycles = WheelSpeeds(), 0
             self.mode, self.reason = DriveMode.STOPPING, reason
 
@@ -194,9 +194,7 @@ class DriveManager:
 
     def resend_command(self) -> None:
         """Send the last command again, because a cycle is late."""
-        if self.mode is DriveMode.MANUAL:
-            self.board.set_motor_pwm(*self._pwm)
-        elif self.mode is not DriveMode.IDLE:
+        if self.mode is not DriveMode.IDLE:
             self.board.set_wheel_speeds(self._speeds)
 
     def abort(self, reason: str) -> None:
@@ -223,27 +221,23 @@ class DriveManager:
         if manual is not None or self.mode is not DriveMode.DRIVING:  # then the navigator does it itself
             self._observe(state, grid, parked=manual is None and self.mode is DriveMode.IDLE)
         if manual is not None and self.mode is not DriveMode.IDLE:
-            twist, assistance = limited_twist(manual.twist, self._options), ""
+            twist, assistance = self._options.limit(manual.twist), ""
             if self._assisted_teleop is not None and now_s > self._override_until_s:
                 obstacles = self.navigator.obstacles
                 if manual.source is TeleopSource.VELOCITY:  # its planner judges unknown space
                     obstacles = obstacles.without_unseen()
                 assisted = self._assisted_teleop.limit(twist, state, obstacles, grid)
                 twist, assistance = assisted.twist, assisted.reason
-            if manual.source is TeleopSource.VELOCITY:
-                self._drive_at(twist, assistance)
-            else:
-                self._drive_manually(replace(manual, twist=twist), telemetry, assistance)
+            self._drive_manually(twist, DRIVERS[manual.source], assistance)
         elif self.mode is DriveMode.MANUAL:
-            self.board.command(Command.ARM)  # back to speed control
-            self._manually_armed = True
-            self._hold(RELEASED)
+            self.mode, self.reason = DriveMode.HOLDING, RELEASED
+            self._send(self._cruise)
         elif self.mode is DriveMode.DRIVING:
             return self._navigate(state, grid)
         elif self.mode is DriveMode.STOPPING:
             self._brake(telemetry)
         elif self.mode is DriveMode.HOLDING:
-            self._hold(RELEASED if self.reason.startswith(BY_PROGRAM) else self.reason)
+            self._send(self._cruise)
         return None
 
     def _arm(self, telemetry: Telemetry | None, *, clear_fault: bool = False) -> None:
@@ -269,33 +263,12 @@ class DriveManager:
         self._disarmed_cycles = self._disarmed_cycles + 1 if telemetry.state is State.DISARMED else 0
         return "another program disarmed the board" if self._disarmed_cycles > DISARMED_CYCLES else ""
 
-    def _drive_manually(self, manual: ManualCommand, telemetry: Telemetry, assistance: str) -> None:
-        reason = f"driven by {manual.source.name.lower()}"
-        self._cancel_drive(f"overridden: {reason}", by_user=True)
-        # Read the gains at each start of manual driving: they may have changed since the last one.
-        if self._feed_forward is None or self.mode is not DriveMode.MANUAL:
-            self._feed_forward = FeedForward(
-                ks_pwm=self.board.get_parameter("ks"), kv_pwm_s=self.board.get_parameter("kv")
-            )
-        self.mode, self.command = DriveMode.MANUAL, manual.twist
-        self.reason = f"{reason}; {assistance}" if assistance else reason
-        self._pwm = manual_pwm(
-            manual.twist,
-            self._drive,
-            self._options,
-            self._max_wheel_rad_s,
-            self._feed_forward,
-            1e-3 * telemetry.battery_mV,
-        )
-        self.board.set_motor_pwm(*self._pwm)
-
-    def _drive_at(self, twist: Twist2, assistance: str) -> None:
-        """Follow the velocity of another program with wheel speed control; hold speed zero after it."""
-        self._cancel_drive(f"overridden: {BY_PROGRAM}", by_user=True)
-        if self.mode is DriveMode.MANUAL:
-            self.board.command(Command.ARM)  # back to speed control
+    def _drive_manually(self, twist: Twist2, driver: str, assistance: str) -> None:
+        """Follow a manual command in place of the goal; the robot stays armed after it."""
+        self._cancel_drive(f"overridden: {driver}", by_user=True)
         self._manually_armed = True
-        self._hold(f"{BY_PROGRAM}; {assistance}" if assistance else BY_PROGRAM, twist)
+        self.mode, self.reason = DriveMode.MANUAL, f"{driver}; {assistance}" if assistance else driver
+        self._send(twist)
 
     def _observe(self, state: RobotState, grid: Callable[[], OccupancyGrid], *, parked: bool) -> None:
         """Let the navigator see what is round the robot, whoever drives it."""
@@ -333,9 +306,8 @@ class DriveManager:
         if self._waits_for_data(state):  # planning may have taken seconds
             return None
         self.is_waiting = False
-        self.command, self.reason = output.command, output.reason
-        self._speeds = limit_wheel_speeds(wheel_speeds(output.command, self._drive), self._max_wheel_rad_s)
-        self.board.set_wheel_speeds(self._speeds)
+        self.reason = output.reason
+        self._send(output.command)
         if output.state is NavigationState.REACHED:
             self._end_drive(DriveOutcome(reached=True, reason=output.reason))
         elif output.state is NavigationState.FAILED:
@@ -366,9 +338,10 @@ class DriveManager:
         else:
             self.board.set_wheel_speeds(WheelSpeeds())
 
-    def _hold(self, reason: str, twist: Twist2 | None = None) -> None:
-        self.command, self.mode, self.reason = twist or self._cruise, DriveMode.HOLDING, reason
-        self._speeds = limit_wheel_speeds(wheel_speeds(self.command, self._drive), self._max_wheel_rad_s)
+    def _send(self, twist: Twist2) -> None:
+        """Send the twist as wheel speeds; if a wheel is too slow for it, slow both down alike."""
+        self.command = twist
+        self._speeds = limit_wheel_speeds(wheel_speeds(twist, self._drive), self._max_wheel_rad_s)
         self.board.set_wheel_speeds(self._speeds)
 
     def _cancel_drive(self, reason: str, *, by_user: bool = False) -> None:
@@ -379,6 +352,6 @@ class DriveManager:
 
     def _go_idle(self, reason: str) -> None:
         self._cruise = Twist2()
-        self._manually_armed, self._speeds, self._pwm = False, WheelSpeeds(), (0, 0)
+        self._manually_armed, self._speeds = False, WheelSpeeds()
         self.mux.clear()
         self.mode, self.reason = DriveMode.IDLE, reason

@@ -15,25 +15,28 @@ from thumper.common.geometry import Pose2, Twist2
 from thumper.common.kinematics import DriveGeometry, WheelSpeeds
 from thumper.config.manual_drive import ManualDriveOptions
 from thumper.maps.occupancy_grid import OccupancyGrid
-from thumper.navigation.costmap.local_model import NO_OBSTACLES
+from thumper.navigation.costmap.local_model import NO_OBSTACLES, ObstaclePoints
 from thumper.navigation.goal import Goal
 from thumper.navigation.state import NavigationOutput, NavigationState, ScanFrames
 from thumper.runtime.drive import drive_manager
 from thumper.runtime.drive.assisted_teleop import AssistedCommand
 from thumper.runtime.drive.drive_manager import (
-    BY_PROGRAM,
     TURNING,
     UNKNOWN_GOAL,
     DriveManager,
     DriveMode,
 )
-from thumper.runtime.drive.manual_pwm import FeedForward, manual_pwm
 from thumper.runtime.requests import TeleopSource, Velocity
 from thumper.runtime.state_estimator import RobotState
 
 GOAL, AHEAD, ZERO = Goal(x_m=2.0, y_m=0.0), Twist2(v_m_s=0.2), WheelSpeeds()
 WHEEL_MAX_RAD_S = 13.0
 ARM, DISARM, CLEAR, ESTOP = Command.ARM, Command.DISARM, Command.CLEAR_FAULT, Command.E_STOP
+SOURCES = [
+    (TeleopSource.VELOCITY, "driven by another program"),
+    (TeleopSource.TELEOP, "driven by teleop"),
+    (TeleopSource.GAMEPAD, "driven by gamepad"),
+]
 GRID = OccupancyGrid(cells=np.zeros((9, 9), np.int8), resolution_m=0.05, origin_x_m=0.0, origin_y_m=0.0)
 
 
@@ -44,7 +47,6 @@ class Bench:
         self.sent: list[Any] = []
         self.now_s = 100.0
         self.age_s = 0.0  # of the telemetry
-        self.kv_pwm_s = 17.0
         self.stop_fails = False
         self.output = NavigationOutput(command=AHEAD, reason="on the way")
         self.plans: list[tuple[Any, ...]] = []
@@ -52,8 +54,6 @@ class Bench:
         board = SimpleNamespace(
             command=self.sent.append,
             set_wheel_speeds=self.sent.append,
-            set_motor_pwm=lambda left, right: self.sent.append((left, right)),
-            get_parameter=lambda name: {"ks": 19.0, "kv": self.kv_pwm_s}[name],
             emergency_stop=self._emergency_stop,
             now_s=lambda: self.now_s + self.age_s,
         )
@@ -395,24 +395,25 @@ def test_zero_from_a_stick_at_rest_is_no_complaint(bench: Bench) -> None:
     assert bench.manager.reason == ""
 
 
-def test_manual_command_overrides_the_goal_and_hands_back_to_speed_control(bench: Bench) -> None:
+@pytest.mark.parametrize(("source", "driver"), SOURCES)
+def test_manual_command_is_a_speed_and_overrides_the_goal(
+    bench: Bench, source: TeleopSource, driver: str
+) -> None:
     bench.manager.start(GOAL, None)
     bench.step()
     bench.take()
-    bench.hold(AHEAD, TeleopSource.GAMEPAD)
-    bench.step(battery_mV=6800)
-    feed_forward = FeedForward(ks_pwm=19.0, kv_pwm_s=17.0)
-    pwm = manual_pwm(AHEAD, DriveGeometry(), ManualDriveOptions(), WHEEL_MAX_RAD_S, feed_forward, 6.8)
-    assert bench.take() == [pwm]
+    bench.hold(AHEAD, source)
+    bench.step()
+    assert bench.take() == [wheels(0.2)]
     outcome = bench.manager.outcome
     assert outcome is not None
-    assert (outcome.by_user, outcome.reason) == (True, "overridden: driven by gamepad")
+    assert (outcome.by_user, outcome.reason) == (True, f"overridden: {driver}")
     assert (bench.manager.mode, bench.manager.command) == (DriveMode.MANUAL, AHEAD)
     bench.manager.resend_command()
-    assert bench.take() == [pwm]
+    assert bench.take() == [wheels(0.2)]
     bench.now_s += 1.0  # without a new command
     bench.step()
-    assert (bench.take(), bench.manager.mode) == ([ARM, ZERO], DriveMode.HOLDING)
+    assert (bench.take(), bench.manager.mode) == ([ZERO], DriveMode.HOLDING)
     assert bench.manager.reason == "manual command released"
     bench.manager.start(GOAL, None)
     bench.output = NavigationOutput(state=NavigationState.REACHED)
@@ -420,31 +421,35 @@ def test_manual_command_overrides_the_goal_and_hands_back_to_speed_control(bench
     assert bench.manager.mode is DriveMode.HOLDING  # who took over manually keeps the robot armed
 
 
-def test_velocity_of_another_program_is_held_by_speed_control(bench: Bench) -> None:
-    bench.manager.start(GOAL, None)
-    bench.step()
-    bench.take()
-    bench.hold(AHEAD, TeleopSource.VELOCITY)
-    bench.step()
-    assert bench.take() == [wheels(0.2)]
-    outcome = bench.manager.outcome
-    assert outcome is not None
-    assert (outcome.by_user, outcome.reason) == (True, "overridden: driven by another program")
-    bench.now_s += 1.0
-    bench.step()
-    assert (bench.take(), bench.manager.reason) == ([ZERO], "manual command released")
+def test_a_goal_takes_over_from_manual_driving_without_arming(bench: Bench) -> None:
+    bench.manager.arm(None)
     bench.hold(AHEAD)
     bench.step()
     bench.take()
-    bench.now_s += 0.25  # the stick's command is about to expire
     bench.manager.mux.clear()
-    bench.hold(AHEAD, TeleopSource.VELOCITY)
-    bench.step()
-    assert bench.take() == [ARM, wheels(0.2)]
-    bench.output = NavigationOutput(state=NavigationState.REACHED)
     bench.manager.start(GOAL, None)
     bench.step()
-    assert bench.manager.mode is DriveMode.HOLDING  # it stays armed after a goal
+    assert (bench.take(), bench.manager.mode) == ([wheels(0.2)], DriveMode.DRIVING)
+
+
+@pytest.mark.parametrize(
+    ("asked", "driven"),
+    [
+        (Twist2(v_m_s=0.9), Twist2(v_m_s=0.5)),
+        (Twist2(w_rad_s=-9.0), Twist2(w_rad_s=-1.5)),
+        (Twist2(v_m_s=-1.0, w_rad_s=2.0), Twist2(v_m_s=-0.5, w_rad_s=1.0)),
+        (Twist2(v_m_s=0.2, w_rad_s=3.0), Twist2(v_m_s=0.1, w_rad_s=1.5)),
+        (Twist2(v_m_s=0.5, w_rad_s=1.5), Twist2(v_m_s=0.5, w_rad_s=1.5)),
+    ],
+)
+def test_a_manual_command_beyond_the_limits_keeps_its_curvature(
+    bench: Bench, asked: Twist2, driven: Twist2
+) -> None:
+    bench.manager._options = ManualDriveOptions(manual_v_max_m_s=0.5, manual_w_max_rad_s=1.5)
+    bench.manager.arm(None)
+    bench.hold(asked)
+    bench.step()
+    assert bench.manager.command == driven
 
 
 def test_override_of_the_assistance_ends_unless_it_is_repeated(bench: Bench) -> None:
@@ -464,9 +469,7 @@ def test_override_of_the_assistance_ends_unless_it_is_repeated(bench: Bench) -> 
     assert driven() == Twist2()
 
 
-@pytest.mark.parametrize(
-    ("source", "driver"), [(TeleopSource.GAMEPAD, "driven by gamepad"), (TeleopSource.VELOCITY, BY_PROGRAM)]
-)
+@pytest.mark.parametrize(("source", "driver"), SOURCES)
 @pytest.mark.parametrize("obstacle", ["", "an obstacle ahead"])
 def test_the_reason_names_what_the_assistance_stops_for(
     bench: Bench, source: TeleopSource, driver: str, obstacle: str
@@ -477,6 +480,46 @@ def test_the_reason_names_what_the_assistance_stops_for(
     bench.hold(AHEAD, source)
     bench.step()
     assert bench.manager.reason == (f"{driver}; {obstacle}" if obstacle else driver)
+
+
+@pytest.mark.parametrize(("source", "points"), [(TeleopSource.VELOCITY, 1), (TeleopSource.TELEOP, 2)])
+def test_unseen_ground_counts_unless_a_program_drives(
+    bench: Bench, source: TeleopSource, points: int
+) -> None:
+    obstacles: list[ObstaclePoints] = []
+
+    def limit(twist: Twist2, _state: Any, known: ObstaclePoints, _grid: Any) -> AssistedCommand:
+        obstacles.append(known)
+        return AssistedCommand(twist=twist)
+
+    bench.manager._assisted_teleop = cast("Any", SimpleNamespace(limit=limit))
+    bench.manager.navigator.obstacles = ObstaclePoints(np.ones((2, 2)), np.zeros(2), 1)  # type: ignore[misc]
+    bench.manager.arm(None)
+    bench.hold(AHEAD, source)
+    bench.step()
+    assert [len(known.points_m) for known in obstacles] == [points]
+
+
+def test_the_activity_is_the_reason_or_the_task(bench: Bench) -> None:
+    bench.output = NavigationOutput(command=AHEAD)
+    bench.manager.start(GOAL, None, task="to the dock")
+    bench.step()
+    assert bench.manager.activity == "to the dock"
+    bench.output = NavigationOutput(command=AHEAD, reason="on the way")
+    bench.step()
+    assert bench.manager.activity == "on the way"
+    bench.manager.arm(None)
+    bench.manager.stop("")
+    assert bench.manager.activity == ""
+
+
+def test_only_an_idle_robot_forgets_its_reason(bench: Bench) -> None:
+    bench.manager.arm(None)
+    bench.manager.forget_reason()
+    assert bench.manager.reason == "armed"
+    bench.manager.disarm("off")
+    bench.manager.forget_reason()
+    assert bench.manager.reason == ""
 
 
 @pytest.mark.parametrize("source", TeleopSource)
@@ -498,31 +541,14 @@ def test_commands_that_go_on_do_not_prevent_a_stop(bench: Bench, source: TeleopS
     assert bench.manager.command == AHEAD  # armed again, it drives
 
 
-def test_gains_are_read_at_each_start_of_manual_driving(bench: Bench) -> None:
-    bench.manager.arm(None)
-    pwms = []
-    for kv_pwm_s in (17.0, 30.0):
-        bench.kv_pwm_s = kv_pwm_s
-        bench.hold(AHEAD)
-        bench.step()
-        pwms.append(bench.take()[-1])
-        bench.kv_pwm_s = 99.0  # not read again while it drives
-        bench.hold(AHEAD)
-        bench.step()
-        assert bench.take()[-1] == pwms[-1]
-        bench.now_s += 1.0
-        bench.step()
-    assert pwms[1][0] > pwms[0][0]
-
-
-def test_stop_of_manual_driving_goes_back_to_speed_control(bench: Bench) -> None:
+def test_stop_of_manual_driving_brakes_at_once(bench: Bench) -> None:
     bench.manager.arm(None)
     bench.hold(AHEAD)
     bench.step()
     bench.take()
     bench.manager.stop("stop")
     bench.step()
-    assert bench.take() == [ARM, ZERO]  # the command that was held is forgotten
+    assert bench.take() == [ZERO]  # the command that was held is forgotten
 
 
 def test_manual_command_ends_with_the_motors_off(bench: Bench) -> None:
