@@ -42,7 +42,6 @@ $(info the first time takes 2 to 4 minutes)
 endif
 
 demo: firmware chip $(VENV)/.kernels
-	@echo "starting the simulator"
 	@$(BIN)/thumper demo
 
 test: firmware chip $(VENV)/.dev $(VENV)/.kernels

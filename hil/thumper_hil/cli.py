@@ -8,6 +8,11 @@ import typer
 Preset = Annotated[
     Literal["nominal", "hard"], typer.Option(help="How hard the simulated robot is: nominal or hard.")
 ]
+DEMO_INTRODUCTION = """\
+A simulated robot drives two missions in a laboratory that it does not know:
+straight to a goal, and around a box. Its simulated board runs the real firmware.
+The results will be in {out}/.
+"""
 Seed = Annotated[int, typer.Option(help="Seed of the random numbers.", min=0, max=2**32 - 1)]
 
 
@@ -54,14 +59,16 @@ def demo(
         if not run_seeds(out, first_seed=seed, seeds=seeds, console=Console(), preset=preset):
             raise typer.Exit(1)
         return
+    console = Console()
+    console.print(DEMO_INTRODUCTION.format(out=out), highlight=False, soft_wrap=True)
     if ui:
         from thumper_hil.demo.in_browser import run_in_browser
 
-        passed = run_in_browser(out, seed=seed, console=Console(), preset=preset)
+        passed = run_in_browser(out, seed=seed, console=console, preset=preset)
     else:
         from thumper_hil.demo.run import run_demo
 
-        passed = run_demo(out, seed=seed, realtime=realtime, console=Console(), preset=preset)
+        passed = run_demo(out, seed=seed, realtime=realtime, console=console, preset=preset)
     if not passed:
         raise typer.Exit(1)
 

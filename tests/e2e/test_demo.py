@@ -15,7 +15,7 @@ from rich.console import Console
 
 from thumper.maps.map_server_io import load_map
 from thumper.slam.saved_state import load_session
-from thumper_hil.demo.results import print_next_steps
+from thumper_hil.demo.results import FILES, print_next_steps
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -48,7 +48,12 @@ def test_demo_reaches_both_goals_and_writes_its_results(thumper: Run, tmp_path: 
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
     assert "thesis" in (tmp_path / "table.md").read_text()
     assert str(tmp_path) in output.replace("\n", "")
-    assert "map_straight.*, map_box.*; recordings of both: recordings/" in output
+    assert output.startswith("A simulated robot drives two missions")
+    assert "recording to" not in output
+    for name, _ in FILES:
+        assert f"  {name} " in output
+        for part in name.split(", "):
+            assert any(tmp_path.glob(part.rstrip("/"))), part
     assert any((tmp_path / "recordings").glob("*.mcap"))
 
 

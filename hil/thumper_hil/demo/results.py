@@ -43,6 +43,13 @@ NEXT_STEPS = (  # command, what it shows
         "identify its motors; the gains that it has suit them already",
     ),
 )
+FILES = (  # of the results, what they hold
+    ("missions.png", "both maps with the planned, driven and true path"),
+    ("speed_control.png", "the wheel speeds"),
+    ("map_straight.*, map_box.*", "the two maps; map.* is a copy of map_box.*"),
+    ("recordings/", "recordings of both drives"),
+    ("table.md, summary.json", "this table; all figures"),
+)
 FOOTNOTE = (
     "Wheel speed error: ramped set-point of the firmware minus measured speed, straight run, while moving. "
     "`thumper tune` drives ramps without the navigator and shows less; docs/results/tuning.md compares."
@@ -69,10 +76,9 @@ def write_results(
     write_text(out / "table.md", _markdown(rows))
     speed = f"{summary['sim_speed_x_real_time']:.1f} x real time"
     console.print(f"preset {setting['preset']}; simulation ran at {speed}", highlight=False)
-    files = "map.pgm, map.yaml, map.session, missions.png, speed_control.png, table.md, summary.json"
-    console.print(f"in {out}/: {files}", soft_wrap=True)
-    own = ", ".join(f"{name}.*" for name, _ in maps)
-    console.print(f"the map of each mission: {own}; recordings of both: recordings/", soft_wrap=True)
+    console.print(f"\nResults in {out}/:", soft_wrap=True)
+    for name, content in FILES:
+        console.print(f"  {name:<29}{content}", highlight=False, soft_wrap=True)
 
 
 def print_next_steps(console: Console, steps: Sequence[tuple[str, str]] = NEXT_STEPS) -> None:
@@ -158,7 +164,7 @@ def _print_table(rows: list[tuple[str, str, str]], console: Console) -> None:
     table = Table("", "ours (simulated)", "thesis (real robot)")
     for row in rows:
         table.add_row(*row)
-    console.print("the same two missions in a bachelor thesis (Svec 2019), with a real robot:")
+    console.print("\nThe same two missions in a bachelor thesis (Svec 2019), with a real robot:")
     console.print(table)
     console.print(FOOTNOTE, highlight=False)
 

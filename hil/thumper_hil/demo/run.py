@@ -93,7 +93,7 @@ def opened(
     with ExitStack() as stack:
         robot = stack.enter_context(open_robot(config, mission.start))
         if record_to:
-            stack.enter_context(recorded(robot, config, mission.start, True, record_to))
+            stack.enter_context(recorded(robot, config, mission.start, True, record_to, quiet=True))
         yield robot
 
 

@@ -20,8 +20,11 @@ def recorded(
     record_to: Path | None,
     *,
     serving: bool = False,
+    quiet: bool = False,
 ) -> Iterator[None]:
     """Record from the start if requested; `record_start` and `record_stop` work over the bus in any case.
+
+    `quiet` prints failures only.
 
     Raises
     ------
@@ -45,12 +48,15 @@ def recorded(
     with recording_control(robot, settings, start or Pose2(), folder, say) as switch:
         if record or record_to:
             prepare_output(folder, "--record-to")
-            print(f"{switch.start()}; at most {settings.recording.budget_MB:g} MB, the oldest go first")
+            started = switch.start()
+            if not quiet:
+                print(f"{started}; at most {settings.recording.budget_MB:g} MB, the oldest go first")
         try:
             yield
         finally:
             recorder = switch.close()
             if recorder is not None:
-                print(f"recorded {recording_summary(recorder)}")
+                if not quiet:
+                    print(f"recorded {recording_summary(recorder)}")
                 if failure := recording_failure(recorder):
                     report_to_stderr(failure)
