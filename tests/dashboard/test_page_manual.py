@@ -52,8 +52,11 @@ def test_emergency_stop(page: Page, robot: FakeRobot, how: str, pressed: str) ->
     expect(fault).to_be_visible()
     expect(page.locator(".tp-fault-words")).to_have_text(f"the emergency stop was pressed with {pressed}")
     expect(page.locator(".tp-fault-cure")).to_have_text("")
+    mode = page.locator("[data-field=mode]")
+    expect(mode).to_have_text("fault")
     fault.locator("text=Clear fault").click()
     expect(fault).to_be_hidden()
+    expect(mode).to_have_text("idle")
     robot.fault, robot.fault_words = Fault.E_STOP, "emergency stop"  # by another client
     robot.fault_cure = "the emergency stop was pressed"
     expect(page.locator(".tp-fault-words")).to_have_text("the emergency stop was pressed")

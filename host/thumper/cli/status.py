@@ -108,10 +108,11 @@ def _status_text(
 ) -> str:
     from thumper.board.fault_texts import STATE_NAMES
     from thumper.common.texts import place_text
+    from thumper.ros.to_text import mode_word
 
     m = message
     lines = [
-        f"{m.robot} ({'SIMULATED' if m.simulated else 'REAL'}): {m.mode}"
+        f"{m.robot} ({'SIMULATED' if m.simulated else 'REAL'}): {mode_word(m)}"
         + (f", {m.reason}" if m.reason else "")
     ]
     if m.has_goal:

@@ -191,12 +191,17 @@ def _battery(msg: Message) -> str:
     return f"{msg.voltage:z.2f} V, {abs(msg.current):z.2f} A drawn by the motors"
 
 
+def mode_word(status: Message) -> str:
+    """Return what the robot does; an idle robot with a latched fault is not ready."""
+    return "fault" if status.fault and status.mode == "idle" else str(status.mode)
+
+
 def _status(msg: Message) -> str:
     reason = f" ({msg.reason})" if msg.reason else ""
     goal = f", {msg.distance_to_goal_m:z.2f} m to go" if msg.has_goal else ""
     fault = f", {msg.fault_words}: {msg.fault_cure}" if msg.fault else ""
     return (
-        f"{msg.mode}{reason}{goal}; board {STATE_NAMES.get(msg.board_state, 'silent')}{fault}; "
+        f"{mode_word(msg)}{reason}{goal}; board {STATE_NAMES.get(msg.board_state, 'silent')}{fault}; "
         f"loop {1e3 * msg.loop_late_s:z.1f} ms late, busy for {1e3 * msg.loop_busy_s:z.1f} ms"
     )
 

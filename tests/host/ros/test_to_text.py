@@ -139,6 +139,18 @@ SAMPLES: list[tuple[Any, str]] = [
         SIMULATED.status(STATUS),
         "4.00 s: driving (on its way), 1.25 m to go; board armed; loop 0.0 ms late, busy for 0.0 ms",
     ),
+    (
+        SIMULATED.status(
+            Status(
+                time_s=4.0,
+                board_state="FAULT",
+                fault=1,
+                fault_words="link lost",
+                fault_cure="is it plugged in?",
+            )
+        ),
+        "4.00 s: fault; board fault, link lost: is it plugged in?; loop 0.0 ms late, busy for 0.0 ms",
+    ),
     (SIMULATED.event(3.0, INFO, "a wheel slips", "robot"), "3.00 s: robot: a wheel slips"),
     (
         object_markers(SIMULATED, 2.0, [("chair", 1.0, -0.5), ("potted plant", 2.0, 0.0)]),

@@ -60,7 +60,8 @@ const FIELDS = {
   ...SENSOR_FIELDS,
   robot: ({ status }) => status?.robot ?? "",
   mode: ({ status, experiment }) => (experiment?.running
-    ? EXPERIMENTS[experiment.running] ?? formatName(experiment.running) : formatName(status?.mode)),
+    ? EXPERIMENTS[experiment.running] ?? formatName(experiment.running)
+    : isFaulted(status) ? "fault" : formatName(status?.mode)),
   reason: ({ status, experiment }) => (
     experiment?.running ? experiment.what : lostPose(status) || reasonText(status) || firstStep(status)),
   board_state: (values) => (isTuning(values) ? "tuning"
@@ -95,11 +96,12 @@ const FIELDS = {
 };
 
 // What to do with a robot that has done nothing yet.
-const firstStep = (status) => (status?.mode?.toLowerCase() === "idle"
+const firstStep = (status) => (status?.mode?.toLowerCase() === "idle" && !status.fault
   ? `choose Goal${keyHint("G")} and click the map, or Arm to drive` : "");
 
 // " with Esc", if this page has stopped the robot.
 const withWhat = () => (state.stopPressed ? ` with ${state.stopPressed}` : "");
+const isFaulted = (status) => Boolean(status?.fault) && status.mode.toLowerCase() === "idle";
 const isStop = (status) => status.fault_words === "emergency stop";
 function reasonText(status) {
   if (status?.reason === "emergency stop" && state.stopPressed) return `emergency stop, pressed${withWhat()}`;
