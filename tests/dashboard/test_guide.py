@@ -145,16 +145,6 @@ def test_only_wheels_that_turn_forward_pass_the_check(lines: list[str], verdict:
     assert text in outcome.text
 
 
-def test_a_simulated_robot_has_no_usb_devices_to_check() -> None:
-    usb = ["warn  no udev rules: port names may change: sudo cp 99-thumper.rules", "warn  no USB serial port"]
-    unit = "info  start at boot is not set up, which is optional (thumper.service)"
-    for ports, shown in ((SIMULATED, [LEFT]), (REAL, [*usb, unit, LEFT])):
-        guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=ports)
-        guide.begin(Step.CHECK)
-        guide._command = SimpleNamespace(lines=[*usb, unit, LEFT])  # type: ignore[assignment]
-        assert guide.lines == shown
-
-
 def test_emergency_stop_and_a_closed_page_interrupt_the_command() -> None:
     guide = Guide("127.0.0.1:1", config=Path("robot.toml"), ports=SIMULATED)
     guide.busy = Step.CHECK

@@ -14,6 +14,7 @@ import typer
 
 from thumper.cli.options.common import AsJson, BoardPort, ConfigFile, LidarPort
 from thumper.cli.output.stderr_report import report_unused_ports
+from thumper.common.errors import EXIT_USAGE, ThumperError
 from thumper.doctor.check import Check
 
 if TYPE_CHECKING:
@@ -31,7 +32,14 @@ def doctor(
         bool,
         typer.Option("--spin", help="Also turn each wheel slowly to check the encoders: WHEELS UP."),
     ] = False,
-    speeds: Annotated[bool, typer.Option("--speeds", hidden=True)] = False,
+    speeds: Annotated[
+        bool,
+        typer.Option(
+            "--speeds",
+            help="With --spin, print a line per control cycle to stderr: time [s], then of the left and the "
+            "right side speed [mrad/s], PWM and current [mA].",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Check the computer and, with --board, --lidar or --config, the robot; say how to fix what fails.
@@ -40,6 +48,8 @@ def doctor(
 
     Example: `thumper doctor --board /dev/ttyUSB0 --lidar /dev/ttyACM0`
     """
+    if speeds and not spin:
+        raise ThumperError("--speeds needs --spin, which turns the wheels", exit_code=EXIT_USAGE)
     checks = _checks(board, lidar, config, seconds, spin, speeds)
     if as_json:
         rows = [asdict(check) for check in checks]
@@ -54,19 +64,21 @@ def doctor(
 def _checks(
     board: str, lidar: str, config: Path | None, seconds: float, spin: bool, speeds: bool
 ) -> Iterator[Check]:
-    from thumper.config.robot import load_config, shared_port, with_ports
+    from thumper.config.robot import device_ports, load_config, shared_port, with_ports
     from thumper.doctor.board_checks import check_board
     from thumper.doctor.host_checks import check_set_up
     from thumper.doctor.lidar_checks import check_lidar
     from thumper.doctor.sensor_checks import check_sensors
-    from thumper.doctor.usb_ports import KNOWN_USB
+    from thumper.doctor.usb_ports import KNOWN_USB, all_simulated
 
     configured = load_config(config)
     settings = with_ports(configured, board=board, lidar=lidar)
     report_unused_ports(configured, settings)
     yield from _computer()
-    yield from _ports()
-    yield from check_set_up(KNOWN_USB)
+    named = list(device_ports(settings).values()) if config else [port for port in (board, lidar) if port]
+    if not (named and all_simulated(named)):
+        yield from _ports()
+        yield from check_set_up(KNOWN_USB)
     sensor_checks = check_sensors(settings, seconds=seconds)
     if lidar or config or settings.lidar.port.startswith("sim:"):  # a simulated board brings its lidar
         sensor_checks = chain(check_lidar(settings.lidar, seconds=seconds), sensor_checks)
@@ -86,9 +98,11 @@ def _checks(
 
 
 def _print_speeds(sample: "TelemetrySample") -> None:
-    """Print time [s], speeds [mrad/s] and PWM of both sides, for the page of `thumper setup`."""
+    """Print the line of `--speeds`, which the page of `thumper setup` draws."""
     t = sample.telemetry
-    print(f"wheels {sample.time_s:.3f} {t.left_speed} {t.right_speed} {t.left_pwm} {t.right_pwm}", flush=True)
+    left = f"{t.left_speed} {t.left_pwm} {t.left_current_mA}"
+    right = f"{t.right_speed} {t.right_pwm} {t.right_current_mA}"
+    print(f"wheels {sample.time_s:.3f} {left} {right}", file=sys.stderr, flush=True)
 
 
 def _consent() -> bool:

@@ -254,14 +254,18 @@ def unused_ports(configured: RobotConfig, used: RobotConfig) -> list[str]:
     return names
 
 
-def shared_port(config: RobotConfig) -> str:
-    """Return which two devices have the same port, in one line; empty if each has its own."""
+def device_ports(config: RobotConfig) -> dict[str, str]:
+    """Return the ports of board, lidar and enabled sensors, by the name of their table."""
     tables = [name for name in SENSOR_TABLES if getattr(config, name).enabled]
     if config.imu.uses_board:
         tables.remove("imu")
+    return {table: getattr(config, table).port for table in ("board", "lidar", *tables)}
+
+
+def shared_port(config: RobotConfig) -> str:
+    """Return which two devices have the same port, in one line; empty if each has its own."""
     owners: dict[str, str] = {}
-    for table in ("board", "lidar", *tables):
-        port = getattr(config, table).port
+    for table, port in device_ports(config).items():
         owner = owners.setdefault(os.path.realpath(port), table)
         if owner != table:
             return f"[{table}] port {port} is also that of [{owner}]; give each device its own"

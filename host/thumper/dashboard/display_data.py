@@ -5,6 +5,7 @@ Each function raises ValueError if a message holds invalid values.
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -80,6 +81,20 @@ def wheel_row(message: Message) -> Row:
         round(sample.time_s, 3),
         *_side(left, t.left_speed, t.left_pwm, t.left_integral, t.left_current_mA),
         *_side(right, t.right_speed, t.right_pwm, t.right_integral, t.right_current_mA),
+    )
+
+
+def open_loop_row(time_s: float, left: Sequence[int], right: Sequence[int]) -> Row:
+    """Return a row of the charts, as `wheel_row`, of wheels whose PWM the host sets.
+
+    `left` and `right` are speed [mrad/s], PWM and current [mA].
+    """
+    left_speed, left_pwm, left_mA = left
+    right_speed, right_pwm, right_mA = right
+    return (
+        round(time_s, 3),
+        *_side(None, left_speed, left_pwm, 0, left_mA),
+        *_side(None, right_speed, right_pwm, 0, right_mA),
     )
 
 

@@ -1,7 +1,11 @@
 """The computer's USB serial ports, and what is known to be behind them."""
 
+import os
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+PSEUDO_TERMINAL = re.compile(r"/dev/(pts/|ttys)\d+")  # of Linux and of macOS, as `thumper sim` opens them
 LIDAR_ID = (0x15D1, 0x0000)
 KNOWN_USB = {
     LIDAR_ID: "Hokuyo lidar",
@@ -29,3 +33,8 @@ def usb_ports() -> list[UsbPort]:
         UsbPort(device=port.device, name=KNOWN_USB.get(usb, port.description), is_lidar=usb == LIDAR_ID)
         for usb, port in found
     ]
+
+
+def all_simulated(ports: Iterable[str]) -> bool:
+    """Return whether every port is simulated in this program or by `thumper sim`."""
+    return all(port.startswith("sim:") or PSEUDO_TERMINAL.fullmatch(os.path.realpath(port)) for port in ports)

@@ -47,6 +47,37 @@ def test_the_shortest_simulated_robot_has_its_lidar_checked() -> None:
     assert line(checks, "scans", "Hz")["verdict"] == "pass"
 
 
+def test_only_hardware_has_usb_devices_to_check(tmp_path: Path) -> None:
+    """Of two simulated ports, one may be a terminal of `thumper sim`."""
+    config = tmp_path / "robot.toml"
+    config.write_text('[board]\nport = "sim://d9/board"\n[lidar]\nport = "sim://d9/lidar"\n')
+    gps = tmp_path / "gps.toml"
+    gps.write_text('[gps]\nenabled = true\nport = "/dev/ttyACM7"\n')
+    terminal = os.ttyname(os.openpty()[1])
+    for arguments, is_hardware in (
+        ((), True),
+        (("--board", "sim://"), False),
+        (("--config", str(config)), False),
+        (("--config", str(config), "--lidar", terminal), False),
+        (("--config", str(gps), "--board", terminal, "--lidar", "sim://"), True),
+        (("--config", str(config), "--lidar", "/dev/ttyACM7"), True),
+    ):
+        _, checks = diagnose(*arguments)
+        of_usb = [check for check in checks if "udev" in check["what"] or "thumper.service" in check["what"]]
+        assert len(of_usb) == (2 if is_hardware else 0), arguments
+
+
+def test_speeds_are_printed_while_the_wheels_turn() -> None:
+    arguments = ["doctor", "--seconds", "1", "--board", "sim://d10/board?floor=stand", "--speeds"]
+    done = CliRunner().invoke(build_app(), [*arguments, "--spin"], input="y\n")
+    rows = [row.split()[1:] for row in done.stderr.splitlines() if row.startswith("wheels ")]
+    assert {len(row) for row in rows} == {7}
+    assert max(float(row[1]) for row in rows) > 1000 < max(float(row[4]) for row in rows)
+    without = CliRunner().invoke(build_app(), arguments)
+    assert without.exception is not None
+    assert "--speeds needs --spin" in str(without.exception)
+
+
 def test_open_ground_is_no_defect_and_the_doctor_says_what_it_means() -> None:
     code, checks = diagnose("--board", "sim://d5/board?world=yard&y_m=-8", "--lidar", "sim://d5/lidar")
     assert code == 0

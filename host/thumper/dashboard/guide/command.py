@@ -8,17 +8,12 @@ from collections import deque
 from contextlib import suppress
 
 from thumper.common.parent import parent_environment
+from thumper.dashboard.display_data import Row, open_loop_row
 
 MAX_LINES = 200
 END_TIMEOUT_S = 5.0  # the motors stop by themselves long before, if a command does not end
 SPEEDS = "wheels "
 ENVIRONMENT = {"NO_COLOR": "1", "PYTHONUNBUFFERED": "1", "COLUMNS": "1000"}  # one line stays one line
-
-
-def _chart_row(text: str) -> list[float | None]:
-    """Return a line of speeds as a row of the charts; a wheel that turns openly has no set-point."""
-    time_s, left, right, left_pwm, right_pwm = (float(part) for part in text.split()[1:])
-    return [time_s, None, left / 1000.0, left_pwm, None, None, None, right / 1000.0, right_pwm, None, None]
 
 
 class StepCommand:
@@ -27,7 +22,7 @@ class StepCommand:
     def __init__(self, *arguments: str) -> None:
         self.arguments = arguments
         self.lines: deque[str] = deque(maxlen=MAX_LINES)
-        self.rows: list[list[float | None]] = []  # of the charts, from the lines of `thumper doctor --speeds`
+        self.rows: list[Row] = []  # of the charts, from the lines of `thumper doctor --speeds`
         self._process: asyncio.subprocess.Process | None = None
         self.is_interrupted = False
 
@@ -68,7 +63,9 @@ class StepCommand:
                 # A question that was answered stands before the line that follows it.
                 text = line.decode(errors="replace").rpartition("[y/N] ")[2].strip()
                 if text.startswith(SPEEDS):
-                    self.rows.append(_chart_row(text))
+                    time_s, *sides = text.split()[1:]
+                    numbers = [int(number) for number in sides]
+                    self.rows.append(open_loop_row(float(time_s), numbers[:3], numbers[3:]))
                 elif text:
                     self.lines.append(text)
         return await process.wait()

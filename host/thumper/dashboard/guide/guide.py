@@ -18,6 +18,7 @@ from thumper.board.fault_texts import ARMED_STATES
 from thumper.common.errors import EXIT_CHECK_FAILED, ThumperError
 from thumper.config.robot import load_config
 from thumper.dashboard.board_parameters import Parameters
+from thumper.dashboard.display_data import Row
 from thumper.dashboard.guide.command import StepCommand
 from thumper.dashboard.guide.robot_file import Ports, write_robot_file
 from thumper.dashboard.guide.robot_watch import RobotWatch, WatchedBus
@@ -38,7 +39,6 @@ TRACKING = re.compile(r"tracking error at (\S+ rad/s²) (\S+) → (\S+) rad/s(, 
 SAVED, NOT_SAVED = "map saved: ", "the map was not saved: "
 STOPPED = "emergency stop"  # the problem of an experiment that it ended
 TURNED = "motor forward"  # in the lines of the wheel check
-OF_DEVICES = re.compile(r"USB|udev|thumper\.service")  # checks that mean nothing for a simulated robot
 
 
 class Step(StrEnum):
@@ -140,13 +140,10 @@ class Guide:
     def lines(self) -> list[str]:
         """What the command of this step has printed."""
         command = self._run if self.step is Step.START else self._command
-        lines = list(command.lines) if command else []
-        if self.ports is not None and self.ports.simulated:
-            lines = [line for line in lines if not OF_DEVICES.search(line)]
-        return lines
+        return list(command.lines) if command else []
 
     @property
-    def rows(self) -> list[list[float | None]]:
+    def rows(self) -> list[Row]:
         """The wheels' speeds during the wheel check, as rows of the charts."""
         return self._command.rows if self.step is Step.CHECK and self._command else []
 
