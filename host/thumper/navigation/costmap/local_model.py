@@ -16,18 +16,14 @@ from thumper.navigation.costmap.bands import build_band
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_window, window_of
 from thumper.navigation.costmap.filters import Masks
 from thumper.navigation.costmap.layers import CostmapLayers
+from thumper.navigation.costmap.local_frame import LocalFrame
 from thumper.navigation.costmap.obstacle_memory import ObstacleMemory, ObstacleMemoryOptions
 from thumper.navigation.costmap.scan_averaging import averaged_hits, confirmed_hits
 from thumper.navigation.costmap.unseen_ground import UnseenGround
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.state import CycleInput
 
-# The map has jumped if it moved against the odometry by more than this, and more than the odometry has moved
-# meanwhile. Less may be a correction of the odometry: wheels slip, and the surroundings stay where they are.
-# A stationary robot has not slipped: small corrections add up to a jump.
-JUMP_M, JUMP_RAD = 0.03, 0.03
 REFRESH_S = 0.5  # between costmaps of a robot without a goal, which only people look at
-REFERENCE_M, REFERENCE_RAD = 0.1, 0.1  # a robot that has moved this far compares with its new place
 
 
 class ObstaclePoints(NamedTuple):
@@ -46,6 +42,14 @@ class ObstaclePoints(NamedTuple):
     def without_unseen(self) -> "ObstaclePoints":
         """Return the obstacles alone."""
         return ObstaclePoints(self.points_m[: self.seen], self.position_error_m[: self.seen], self.seen)
+
+    def with_more(self, points_m: FloatArray, error_m: float) -> "ObstaclePoints":
+        """Return these points and more obstacles, shape (k, 2), with this error of their positions."""
+        return ObstaclePoints(
+            np.vstack((points_m, self.points_m)),
+            np.concatenate((np.full(len(points_m), error_m), self.position_error_m)),
+            len(points_m) + self.seen,
+        )
 
     def in_base(self, map_from_base: Pose2) -> "ObstaclePoints":
         """Return points in `map` as points in base_link."""
@@ -82,9 +86,8 @@ class LocalModel:
         self._planning_memory = remembered(radius_m=memory.planning_radius_m)
         self._unseen = UnseenGround(footprint, view)
         self._costs_s = -math.inf  # when `costmap` was computed
-        self._reference: CycleInput | None = None  # see `_follow_map`
-        self.jumped = False  # the map has jumped since the last `update`
-        self._jumped_meanwhile = False  # in a cycle of `observe` alone
+        self._frame = LocalFrame()
+        self.map_from_local = Pose2()  # of the frame in which what is remembered rests
         self.costmap: Costmap | None = None  # of the newest cycle, for planning
         self.local_costmap: Costmap | None = None  # finer, round the robot, for the controllers
         self.pose_costmap: Costmap | None = None  # the same with unseen ground open, if there is any
@@ -128,7 +131,6 @@ class LocalModel:
     def update(self, cycle: CycleInput) -> Costmap | None:
         """Process a cycle's map and hits; return the costmap for planning, None until it is complete."""
         window, unseen_m = self.observe(cycle)
-        self.jumped, self._jumped_meanwhile = self._jumped_meanwhile, False
         base, seen_m = cycle.map_from_base, self.obstacles.points_m[: self.obstacles.seen]
         still_m = seen_m[~self.are_walking(seen_m)]
         self.move_ahead_m = self._unseen.move_ahead_m(unseen_m, base)
@@ -192,21 +194,8 @@ class LocalModel:
         self._planning_memory.forget_beyond(map_from_base, radius_m)
 
     def _follow_map(self, cycle: CycleInput) -> None:
-        """Move all that is remembered with the map if that has jumped."""
-        last = self._reference
-        if last is None:
-            self._reference = cycle
-            return
-        new_from_old = cycle.map_from_odom @ last.map_from_odom.inverse()
-        here = new_from_old @ last.map_from_base
-        corrected_m = here.distance_m(last.map_from_base)
-        corrected_rad = abs(math.remainder(new_from_old.theta_rad, math.tau))
-        moved = here.inverse() @ cycle.map_from_base  # by odometry
-        moved_m, moved_rad = math.hypot(moved.x_m, moved.y_m), abs(math.remainder(moved.theta_rad, math.tau))
-        jumped = corrected_m > JUMP_M + moved_m or corrected_rad > JUMP_RAD + moved_rad
-        if jumped:
-            self._jumped_meanwhile = True
-            for remembered in (self._control_memory, self._planning_memory, self._unseen):
-                remembered.move(new_from_old)
-        if jumped or moved_m > REFERENCE_M or moved_rad > REFERENCE_RAD:
-            self._reference = cycle
+        """Let all that is remembered keep its place relative to the robot when the map corrects the pose."""
+        new_from_old = self._frame.update(cycle.map_from_base, cycle.map_from_odom)
+        self.map_from_local = new_from_old @ self.map_from_local
+        for remembered in (self._control_memory, self._planning_memory, self._unseen):
+            remembered.move(new_from_old)

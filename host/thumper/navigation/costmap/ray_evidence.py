@@ -5,7 +5,6 @@ grazing angle.
 """
 
 import math
-from copy import copy
 from enum import IntEnum
 
 import numpy as np
@@ -61,12 +60,6 @@ class Look:
         """`hits_m`, shape (k, 2), are the echoes in map [m] of a scan taken at `map_from_base`."""
         self._view, self._map_from_base = view, map_from_base
         self._echoes_m = _nearest_echoes_m(*view.bearings_and_ranges(map_from_base, hits_m))
-
-    def moved(self, new_from_old: Pose2) -> "Look":
-        """Return this look, moved with the map."""
-        moved = copy(self)
-        moved._map_from_base = new_from_old @ self._map_from_base
-        return moved
 
     def distance_m(self, other: "Look") -> float:
         """Return how far the lidar was from where it was in another look [m]."""

@@ -37,12 +37,8 @@ REMEMBERED_M, REMEMBERED_POSES = 2.0, 100
 class _Visit(NamedTuple):
     """Where the robot was, and what its lidar found there."""
 
-    map_from_base: Pose2
+    local_from_base: Pose2
     look: Look | None  # None: the lidar was where it had looked from last
-
-    def moved(self, new_from_old: Pose2) -> "_Visit":
-        """Return this visit, moved with the map."""
-        return _Visit(new_from_old @ self.map_from_base, self.look and self.look.moved(new_from_old))
 
 
 class UnseenGround:
@@ -53,13 +49,14 @@ class UnseenGround:
         self._turning_m = footprint.circumscribed_radius_m + TURNING_ROOM_M
         self._near_m = footprint.circumscribed_radius_m + REACH_M
         self._view = view
+        # The frame of what is remembered; points and poses in it are in "local".
+        self._map_from_local = Pose2()
         self._first: Pose2 | None = None
         self._visits: list[_Visit] = []
 
     def move(self, new_from_old: Pose2) -> None:
-        """Move what is remembered with the map."""
-        self._visits = [visit.moved(new_from_old) for visit in self._visits]
-        self._first = None if self._first is None else new_from_old @ self._first
+        """Move what is remembered in the map."""
+        self._map_from_local = new_from_old @ self._map_from_local
 
     def update(
         self,
@@ -76,17 +73,21 @@ class UnseenGround:
         rows, cols = self._unknown_near(window, map_from_base)
         corner_m = np.array((window.origin_x_m, window.origin_y_m))
         centres_m: FloatArray = corner_m + (np.column_stack((cols, rows)) + 0.5) * window.resolution_m
-        self._remember(map_from_base, scan_pose or map_from_base, hits_m)
-        free = self._is_free(centres_m, map_from_base)
+        local_from_map = self._map_from_local.inverse()
+        local_from_base = local_from_map @ map_from_base
+        self._remember(
+            local_from_base, local_from_map @ (scan_pose or map_from_base), local_from_map.apply(hits_m)
+        )
+        free = self._is_free(local_from_map.apply(centres_m), local_from_base)
         window.cells[rows[free], cols[free]] = FREE
         bearing_rad, range_m = self._view.bearings_and_ranges(map_from_base, centres_m)
         in_view = self._view.contains(bearing_rad, range_m, edge_rad=EDGE_OF_VIEW_RAD)
         return np.asarray(centres_m[~free & ~in_view])
 
-    def _is_free(self, points_m: FloatArray, map_from_base: Pose2) -> NDArray[np.bool_]:
+    def _is_free(self, points_m: FloatArray, local_from_base: Pose2) -> NDArray[np.bool_]:
         """Return which points, shape (n, 2), the robot has been on or has found open several times."""
-        free = self._outside_m(points_m, self._first or map_from_base) <= FIRST_EDGE_M
-        free[~free] = self._was_under(points_m[~free], map_from_base)
+        free = self._outside_m(points_m, self._first or local_from_base) <= FIRST_EDGE_M
+        free[~free] = self._was_under(points_m[~free], local_from_base)
         looks = np.zeros(len(points_m), np.int64)
         for visit in reversed(self._visits):
             left = np.flatnonzero(~free)
@@ -97,11 +98,11 @@ class UnseenGround:
                 free[left] = looks[left] >= SILENT_LOOKS
         return free
 
-    def _was_under(self, points_m: FloatArray, map_from_base: Pose2) -> NDArray[np.bool_]:
+    def _was_under(self, points_m: FloatArray, local_from_base: Pose2) -> NDArray[np.bool_]:
         """Return which points near the robot, shape (n, 2), it is on or has been on."""
-        poses = [visit.map_from_base for visit in self._visits]
-        near = [pose for pose in poses if pose.distance_m(map_from_base) <= self._near_m + self._turning_m]
-        x_m, y_m, theta_rad = np.array([(p.x_m, p.y_m, p.theta_rad) for p in (map_from_base, *near)]).T
+        poses = [visit.local_from_base for visit in self._visits]
+        near = [pose for pose in poses if pose.distance_m(local_from_base) <= self._near_m + self._turning_m]
+        x_m, y_m, theta_rad = np.array([(p.x_m, p.y_m, p.theta_rad) for p in (local_from_base, *near)]).T
         dx_m, dy_m = points_m[:, :1] - x_m, points_m[:, 1:] - y_m
         cos, sin = np.cos(theta_rad), np.sin(theta_rad)
         ahead_m, left_m = cos * dx_m + sin * dy_m, cos * dy_m - sin * dx_m
@@ -138,19 +139,21 @@ class UnseenGround:
         near = np.hypot(rows + top - row, cols + left - col) <= half
         return rows[near] + top, cols[near] + left
 
-    def _remember(self, map_from_base: Pose2, scan_pose: Pose2, hits_m: FloatArray) -> None:
+    def _remember(self, local_from_base: Pose2, scan_pose: Pose2, hits_m: FloatArray) -> None:
         """Add a visit whose pose differs from that of the newest; forget those far away."""
-        last = self._visits[-1].map_from_base if self._visits else None
-        if last is None or last.distance_m(map_from_base) > FIRST_AGAIN_M:
-            self._first = map_from_base
+        last = self._visits[-1].local_from_base if self._visits else None
+        if last is None or last.distance_m(local_from_base) > FIRST_AGAIN_M:
+            self._first = local_from_base
         else:
-            moved = last.inverse() @ map_from_base
+            moved = last.inverse() @ local_from_base
             if math.hypot(moved.x_m, moved.y_m) < STEP_M and abs(moved.theta_rad) < STEP_RAD:
                 return
         near = [
-            visit for visit in self._visits if visit.map_from_base.distance_m(map_from_base) <= REMEMBERED_M
+            visit
+            for visit in self._visits
+            if visit.local_from_base.distance_m(local_from_base) <= REMEMBERED_M
         ]
         look = Look(self._view, scan_pose, hits_m)
         looked_from = next((visit.look for visit in reversed(near) if visit.look is not None), None)
         is_new = looked_from is None or look.distance_m(looked_from) >= LOOK_STEP_M
-        self._visits = [*near[-REMEMBERED_POSES + 1 :], _Visit(map_from_base, look if is_new else None)]
+        self._visits = [*near[-REMEMBERED_POSES + 1 :], _Visit(local_from_base, look if is_new else None)]

@@ -34,6 +34,7 @@ GIVING_WAY_S, PRIORITY_S = 6.0, 60.0
 # other for so long.
 WAITING_S, UNHEEDED_S = 6.0, 6.0
 WALKING_MARGIN_M = 0.06  # more room for points on who walks: a foot is put down further on
+FOOT_M = 0.10  # a foot of who walks out of view is somewhere within this distance of where it should be
 BEHIND_M = 0.3  # to give way backward, the robot must see so far
 
 
@@ -73,15 +74,17 @@ class CommandFilter:
         self._tracks = Tracks(dynamic_obstacles.least_m_s)
         self._give_way = GiveWay(limits, padded, margin_m=dynamic_obstacles.margin_m)
         self._costmap: Costmap | None = None
+        self._map_from_local = Pose2()
         self._giving_way = Patience(GIVING_WAY_S, PRIORITY_S)
         self._waiting = Patience(WAITING_S, UNHEEDED_S)
-        self._sees_behind = _is_in_view(padded.polygon_m() - (BEHIND_M, 0.0), view)
+        self._sees_behind = bool(_are_in_view(padded.polygon_m() - (BEHIND_M, 0.0), view).all())
 
     def update(self, cycle: CycleInput, model: LocalModel) -> None:
         """Take the cycle's obstacles, and detect the dynamic ones."""
-        if model.jumped:
-            self._dynamic_obstacles.forget()
-            self._tracks.forget()
+        new_from_old = model.map_from_local @ self._map_from_local.inverse()
+        self._map_from_local = model.map_from_local
+        self._dynamic_obstacles.move(new_from_old)
+        self._tracks.move(new_from_old)
         self._dynamic_obstacles.update(cycle.time_s, cycle.scan_pose, model.hits_m)
         lidar = cycle.scan_pose @ self._view.base_from_laser
         found = self._dynamic_obstacles
@@ -91,7 +94,13 @@ class CommandFilter:
         if self._gives_way:
             more_m = WALKING_MARGIN_M * self._tracks.are_near(obstacles.points_m)
             obstacles = obstacles._replace(position_error_m=obstacles.position_error_m + more_m)
+            obstacles = obstacles.with_more(self._feet_out_of_view_m(cycle.map_from_base), FOOT_M)
         self._obstacles = obstacles.in_base(cycle.map_from_base)
+
+    def _feet_out_of_view_m(self, map_from_base: Pose2) -> FloatArray:
+        """Return where the lidar does not see who walks put down a foot, shape (n, 2) in map."""
+        feet_m = self._tracks.feet_m()
+        return feet_m[~_are_in_view(map_from_base.inverse().apply(feet_m), self._view)]
 
     def are_walking(self, points_m: FloatArray) -> NDArray[np.bool_]:
         """Return which points, shape (n, 2) in map, are on people who walk; none if the robot gives no way.
@@ -225,7 +234,7 @@ class CommandFilter:
         return command if stop is None else None
 
 
-def _is_in_view(points_m: FloatArray, view: FieldOfView) -> bool:
-    """Return whether the lidar sees these places, shape (n, 2) in base_link, if nothing hides them."""
+def _are_in_view(points_m: FloatArray, view: FieldOfView) -> NDArray[np.bool_]:
+    """Return which places, shape (n, 2) in base_link, the lidar sees if nothing hides them, shape (n,)."""
     bearings_rad, ranges_m = view.bearings_and_ranges(Pose2(), points_m)
-    return bool(view.contains(bearings_rad, ranges_m, edge_rad=0.0).all())
+    return view.contains(bearings_rad, ranges_m, edge_rad=0.0)

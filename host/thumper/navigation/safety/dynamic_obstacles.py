@@ -52,7 +52,7 @@ class PastScan(NamedTuple):
     """One scan of the comparison."""
 
     time_s: float
-    hits_m: FloatArray  # shape (n, 2), in map, in beam order
+    hits_m: FloatArray  # shape (n, 2), in the local frame, in beam order
     rays: ScanRays
     objects: list[FloatArray]  # the hits, split where neighbours are far apart
     is_small: NDArray[np.bool_]  # which objects are not too wide for a person
@@ -64,12 +64,21 @@ class MovingObject(NamedTuple):
     points_m: FloatArray  # shape (n, 2), in map
     velocity_m_s: FloatArray  # shape (2,)
 
+    def in_map(self, map_from_local: Pose2) -> "MovingObject":
+        """Return this object of the local frame in map."""
+        turn = Pose2(theta_rad=map_from_local.theta_rad)
+        return MovingObject(map_from_local.apply(self.points_m), turn.apply(self.velocity_m_s))
+
 
 class SmallObject(NamedTuple):
     """An object of a scan that may be a part of somebody."""
 
     points_m: FloatArray  # shape (n, 2), in map
     at_rest: bool  # it was there in the oldest scan, too, or hidden
+
+    def in_map(self, map_from_local: Pose2) -> "SmallObject":
+        """Return this object of the local frame in map."""
+        return self._replace(points_m=map_from_local.apply(self.points_m))
 
 
 class DynamicObstacles:
@@ -82,15 +91,15 @@ class DynamicObstacles:
         self._view = view
         self._limits = limits
         self._half_planes = footprint.half_planes()
+        self._map_from_local = Pose2()
         self._scans: deque[PastScan] = deque()
         self.moving: list[MovingObject] = []  # in the newest scan
         self.small: list[SmallObject] = []  # the same, and what may have stopped
         self._moved_s = -math.inf  # when something moved last
 
-    def forget(self) -> None:
-        """Forget all scans: the map has moved."""
-        self._scans.clear()
-        self.moving = []
+    def move(self, new_from_old: Pose2) -> None:
+        """Move the past scans in the map."""
+        self._map_from_local = new_from_old @ self._map_from_local
 
     def update(self, time_s: float, map_from_base: Pose2, hits_in_map_m: FloatArray) -> None:
         """Detect dynamic obstacles in a scan's hits, shape (n, 2) [m], in beam order.
@@ -99,11 +108,14 @@ class DynamicObstacles:
         """
         while self._scans and self._scans[0].time_s < time_s - OLDEST_S - ROUNDING_S:
             self._scans.popleft()
-        rays = ScanRays(self._view, map_from_base, hits_in_map_m)
-        scan = PastScan(time_s, hits_in_map_m, rays, *_objects(hits_in_map_m))
+        local_from_map = self._map_from_local.inverse()
+        hits_m = local_from_map.apply(hits_in_map_m)
+        rays = ScanRays(self._view, local_from_map @ map_from_base, hits_m)
+        scan = PastScan(time_s, hits_m, rays, *_objects(hits_m))
         earlier = [past for past in self._scans if past.time_s <= time_s - COMPARED_S + ROUNDING_S]
-        self.moving = self._detect(scan, earlier) if earlier else []
-        self.small = self._small_objects(scan)
+        moving = self._detect(scan, earlier) if earlier else []
+        self.moving = [one.in_map(self._map_from_local) for one in moving]
+        self.small = [one.in_map(self._map_from_local) for one in self._small_objects(scan)]
         self._scans.append(scan)
         if self.moving:
             self._moved_s = time_s
@@ -119,7 +131,7 @@ class DynamicObstacles:
         """
         if not self._scans:
             return np.ones(len(points_m), np.bool_)
-        evidence = self._scans[0].rays.evidence(points_m, PASSED_M)
+        evidence = self._scans[0].rays.evidence(self._map_from_local.inverse().apply(points_m), PASSED_M)
         seen: NDArray[np.bool_] = (evidence == Evidence.SEEN) | (evidence == Evidence.OUT_OF_VIEW)
         return seen
 

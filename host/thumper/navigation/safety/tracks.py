@@ -81,9 +81,13 @@ class Tracks:
         self.tracks: list[Track] = []
         self.untracked: list[MovingObject] = []  # those of the newest scan that are a part of no moving track
 
-    def forget(self) -> None:
-        """Forget all: the map has moved."""
-        self.tracks, self.untracked, self._time_s = [], [], None
+    def move(self, new_from_old: Pose2) -> None:
+        """Move all tracks in the map."""
+        turn = Pose2(theta_rad=new_from_old.theta_rad)
+        for track in self.tracks:
+            track.centre_m = new_from_old.apply(track.centre_m)
+            track.velocity_m_s, track.walk_m_s = turn.apply(track.velocity_m_s), turn.apply(track.walk_m_s)
+            track.mean_error_m = turn.apply(track.mean_error_m)
 
     def update(
         self, time_s: float, lidar: Pose2, objects: list[SmallObject], moving: list[MovingObject]
@@ -154,6 +158,16 @@ class Tracks:
             for track in self.tracks
             if track.speed_m_s >= self._least_m_s
         ]
+
+    def feet_m(self) -> FloatArray:
+        """Return the middle and both ends of the stride of each track that moves now, shape (n, 2) in map."""
+        feet_m = [
+            track.centre_m + end * track.stride_m
+            for track in self.tracks
+            if track.speed_m_s >= self._least_m_s
+            for end in (-1.0, 0.0, 1.0)
+        ]
+        return np.array(feet_m).reshape(-1, 2)
 
     def are_near(self, points_m: FloatArray) -> NDArray[np.bool_]:
         """Return which points, shape (n, 2) in map, are near the middle of a track that moves now."""

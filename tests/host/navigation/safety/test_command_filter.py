@@ -13,7 +13,7 @@ from tests.host.navigation.safety.test_escape import request
 from thumper.common.geometry import FloatArray, Pose2, Twist2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.controllers.controller import ControlResult
-from thumper.navigation.costmap.local_model import ObstaclePoints
+from thumper.navigation.costmap.local_model import NO_OBSTACLES, ObstaclePoints
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.safety.collision_monitor import CollisionMonitorOptions
 from thumper.navigation.safety.command_filter import (
@@ -32,6 +32,7 @@ SLOW = Twist2(v_m_s=0.04)
 PERIOD_S = 0.1
 NONE = np.empty((0, 2))
 FRONT_M = 0.21
+WALL_M = np.column_stack((np.full(161, 3.0), np.linspace(-4.0, 4.0, 161)))
 
 
 class Filter:
@@ -158,6 +159,31 @@ def test_robot_that_gives_way_is_slowed_before_what_does_not_walk(walks: bool) -
 
 
 @pytest.mark.parametrize("opening_rad", [math.radians(240.0), math.tau])
+def test_robot_sweeps_its_tail_over_no_foot_that_is_put_down_out_of_view(opening_rad: float) -> None:
+    """Somebody walks past the robot's left side. Beside the tail the lidar with 240 degrees sees no foot."""
+    checked = Filter(view=FieldOfView(opening_rad=opening_rad))
+    for k in range(12):
+        centre_m = np.array((0.85 - 0.08 * k, 0.24))
+        walker_m = centre_m + 0.06 * np.column_stack([f(np.linspace(3.5, 5.5, 8)) for f in (np.cos, np.sin)])
+        hits_m = np.vstack((walker_m, WALL_M)) if centre_m[0] > 0.0 else WALL_M
+        model: Any = SimpleNamespace(
+            map_from_local=Pose2(), hits_m=hits_m, obstacles=NO_OBSTACLES, costmap=None
+        )
+        cycle: Any = SimpleNamespace(time_s=0.1 * k, scan_pose=Pose2(), map_from_base=Pose2())
+        checked.filter.update(cycle, model)
+    assert checked.filter._tracks.tracks
+    obstacles = checked.filter._obstacles
+    right, left = (
+        checked.filter._monitor.stop_reason(
+            Twist2(w_rad_s=w_rad_s), Twist2(), obstacles.points_m, obstacles.position_error_m, PERIOD_S
+        )
+        for w_rad_s in (-0.6, 0.6)
+    )
+    assert (right is None) is (opening_rad == math.tau)
+    assert left is None
+
+
+@pytest.mark.parametrize("opening_rad", [math.radians(240.0), math.tau])
 def test_robot_gives_way_backward_only_if_it_sees_behind(opening_rad: float) -> None:
     back = Twist2(v_m_s=-0.1)
 
@@ -280,23 +306,26 @@ def test_no_escape_toward_a_dynamic_obstacle() -> None:
     assert checked.run(fast, ahead, last=Twist2()).command is None
 
 
-@pytest.mark.parametrize("jumped", [True, False])
-def test_dynamic_obstacles_are_forgotten_when_the_map_jumps(*, jumped: bool) -> None:
-    checked, calls = Filter(), list[str]()
-    obstacles: Any = checked.filter._dynamic_obstacles
-    obstacles.forget = lambda: calls.append("forget")
-    obstacles.update = lambda *_: calls.append("update")
-    here = Pose2(x_m=1.0)
-    model: Any = SimpleNamespace(
-        jumped=jumped,
-        hits_m=NONE,
-        obstacles=ObstaclePoints(np.array(((1.5, 0.0),)), np.zeros(1), 1),
-        costmap=None,
-    )
-    cycle: Any = SimpleNamespace(time_s=0.0, scan_pose=here, map_from_base=here)
-    checked.filter.update(cycle, model)
-    assert calls == (["forget", "update"] if jumped else ["update"])
-    assert checked.filter._obstacles.points_m[0] == pytest.approx((0.5, 0.0))
+def test_who_walks_is_followed_across_a_jump_of_the_map() -> None:
+    """The robot stands, somebody crosses; then the map moves the robot and all that it sees by 0.5 m."""
+    checked = Filter()
+    for k in range(16):
+        jump = Pose2(y_m=0.5 if k >= 12 else 0.0)
+        walker_m = np.array((2.0, -0.6 + 0.08 * k)) + 0.06 * np.column_stack(
+            [f(np.linspace(2.5, 3.8, 8)) for f in (np.cos, np.sin)]
+        )
+        model: Any = SimpleNamespace(
+            map_from_local=jump,
+            hits_m=jump.apply(np.vstack((WALL_M, walker_m))),
+            obstacles=ObstaclePoints(jump.apply(np.array(((1.5, 0.0),))), np.zeros(1), 1),
+            costmap=None,
+        )
+        cycle: Any = SimpleNamespace(time_s=0.1 * k, scan_pose=jump, map_from_base=jump)
+        checked.filter.update(cycle, model)
+    (track,) = checked.filter._tracks.tracks
+    assert track.centre_m == pytest.approx((2.0, 1.1), abs=0.15)
+    assert track.velocity_m_s == pytest.approx((0.0, 0.8), abs=0.25)
+    assert checked.filter._obstacles.points_m[0] == pytest.approx((1.5, 0.0))
 
 
 @pytest.mark.parametrize(("ahead_s", "margin_m"), [(2.0, WALKING_MARGIN_M), (0.0, 0.0)])
@@ -305,7 +334,10 @@ def test_robot_keeps_more_room_to_who_walks(ahead_s: float, margin_m: float) -> 
     vars(checked.filter._tracks)["are_near"] = lambda points_m: points_m[:, 0] < 1.0
     points_m = np.array(((0.5, 0.0), (1.5, 0.0)))
     model: Any = SimpleNamespace(
-        jumped=False, hits_m=NONE, obstacles=ObstaclePoints(points_m, np.full(2, 0.01), 2), costmap=None
+        map_from_local=Pose2(),
+        hits_m=NONE,
+        obstacles=ObstaclePoints(points_m, np.full(2, 0.01), 2),
+        costmap=None,
     )
     cycle: Any = SimpleNamespace(time_s=0.0, scan_pose=Pose2(), map_from_base=Pose2())
     checked.filter.update(cycle, model)

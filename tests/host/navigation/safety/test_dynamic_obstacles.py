@@ -98,7 +98,7 @@ def test_a_jump_of_the_map_is_no_motion() -> None:
     rng, found = np.random.default_rng(4), detector()
     for cycle in range(10):
         found.update(0.1 * cycle, Pose2(), scan(hall(LEGS), rng))
-    found.forget()
+    found.move(Pose2(y_m=0.4))
     found.update(1.0, Pose2(y_m=0.4), Pose2(y_m=0.4).apply(scan(hall(LEGS), rng)))
     assert not found.moving
 

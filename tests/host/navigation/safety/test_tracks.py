@@ -141,8 +141,13 @@ def test_who_stood_and_starts_to_walk_is_untracked() -> None:
     assert len(tracks.tracks) == len(tracks.untracked) == 1
 
 
-def test_a_jump_of_the_map_ends_the_tracks() -> None:
+def test_tracks_move_with_a_jump_of_the_map() -> None:
+    """The map turns by 90 degrees: who walked up walks to the left."""
     tracks = walked(UP)
-    tracks.forget()
-    assert not tracks.tracks
-    assert tracks.predicted(wall_at(2.0)).shape[1] == 0
+    (before,) = tracks.tracks
+    centre_m, velocity_m_s = before.centre_m, before.velocity_m_s
+    tracks.move(Pose2(x_m=1.0, theta_rad=0.5 * math.pi))
+    (track,) = tracks.tracks
+    assert track.centre_m == pytest.approx((1.0 - centre_m[1], centre_m[0]))
+    assert track.velocity_m_s == pytest.approx((-velocity_m_s[1], velocity_m_s[0]))
+    assert track.walk_m_s[0] < -0.3
