@@ -307,7 +307,7 @@ def test_no_escape_toward_a_dynamic_obstacle() -> None:
 
 
 def test_who_walks_is_followed_across_a_jump_of_the_map() -> None:
-    """The robot stands, somebody crosses; then the map moves the robot and all that it sees by 0.5 m."""
+    """The robot does not move, somebody crosses; then the map moves both by 0.5 m."""
     checked = Filter()
     for k in range(16):
         jump = Pose2(y_m=0.5 if k >= 12 else 0.0)
