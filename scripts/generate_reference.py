@@ -129,8 +129,11 @@ def _table(command: Any) -> Iterator[str]:
         names = ", ".join(f"`{name}`" for name in (*row.opts, *row.secondary_opts))
         if row.param_type_name == "argument":
             names = f"`{row.name.upper()}`"
-        default = "required" if row.required else _default_text(row.default)
-        yield f"| {names} | {_value(row)} | {default} | {_text(row.help or '')} |"
+        default = row.default
+        if isinstance(row.show_default, str):  # comes from elsewhere, such as a file of settings
+            default = row.type_descriptor.annotation(row.show_default)
+        shown = "required" if row.required else _default_text(default)
+        yield f"| {names} | {_value(row)} | {shown} | {_text(row.help or '')} |"
     if rows:
         yield ""
     if shared:

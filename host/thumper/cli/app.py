@@ -127,7 +127,10 @@ class ErrorsWithContext:
 
 
 class PlainTypes:
-    """Shows what an option takes in words: `<number> 0 to 1`. A flag takes no value and shows no type."""
+    """Shows what an option takes in words: `<number> 0 to 1`. A flag takes no value and shows no type.
+
+    A default that comes from elsewhere, which `show_default` names, appears as the others, without brackets.
+    """
 
     def get_params(self, ctx: Any) -> list[Any]:
         """Return the options and arguments."""
@@ -135,7 +138,13 @@ class PlainTypes:
         for parameter in parameters:
             parameter.display_type_rich = partial(_type_in_words, parameter)
             parameter._get_number_range_help_str = lambda: None  # the type says it
+            if isinstance(parameter.show_default, str):
+                parameter._get_default_string = partial(_named_default, parameter.show_default)
         return parameters
+
+
+def _named_default(text: str, **_: object) -> str:
+    return text
 
 
 def _type_in_words(parameter: Any, ctx: Any) -> str | None:

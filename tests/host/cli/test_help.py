@@ -78,6 +78,11 @@ def test_help_shows_types_in_words(thumper: Run) -> None:
         assert not re.search(r"<(float|int|str|list)|range>|<=x", thumper(command, "--help").out)
 
 
+def test_help_shows_defaults_of_settings_as_the_others(thumper: Run) -> None:
+    defaults = re.findall(r"\[default: (.*?)\]", thumper("tune", "--help").out)
+    assert defaults == ["/dev/ttyUSB0", "500000", "out/tune", "1.2", "1.5", "migo", "1.6"]
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_each_command_has_an_example(thumper: Run, command: str) -> None:
     shown = " ".join(thumper(command, "--help").out.split())
