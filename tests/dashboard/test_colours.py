@@ -21,12 +21,17 @@ from thumper.dashboard.widgets import STATIC
 SAME_DEG, DIFFERENT_DEG = 20.0, 30.0
 
 
-ROBOT_STYLE = Path(__file__).parents[2] / "hil/browser/page/style.css"
+ROOT = Path(__file__).parents[2]
+ROBOT_STYLE = ROOT / "hil/browser/page/style.css"
 
 
 def colours_of(style: str, scheme: str) -> dict[str, str]:
     block = style[style.index(f"{scheme} {{") :].partition("}")[0]
     return dict(re.findall(r"--(?:tp|robot)-([a-z-]+): (#[0-9a-f]{6})", block))
+
+
+def test_dashboard_and_site_share_one_logo() -> None:
+    assert (STATIC / "icon.svg").read_bytes() == (ROOT / "docs/images/logo.svg").read_bytes()
 
 
 def test_pages_and_pictures_share_one_table() -> None:

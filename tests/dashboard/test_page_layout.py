@@ -3,6 +3,7 @@
 import itertools
 import re
 
+import pytest
 from benchmarks.shared.browser import Server, open_page
 from benchmarks.shared.fake_robot import FakeRobot
 from playwright.sync_api import Browser, Page, expect
@@ -123,14 +124,19 @@ def test_charts_are_high_on_a_large_screen_and_leave_the_map_its_place(page: Pag
         page.click(".tp-tab-drive")
 
 
-def test_a_phone_keeps_the_speeds_in_view_beside_gains_and_while_tuning(page: Page) -> None:
-    page.set_viewport_size({"width": 390, "height": 844})
+@pytest.mark.parametrize("width", [360, 390])
+def test_a_phone_keeps_the_speeds_in_view_beside_gains_and_while_tuning(page: Page, width: int) -> None:
+    page.set_viewport_size({"width": width, "height": 844})
     charts = page.locator(".tp-charts > div")
+    keys = page.locator(".tp-charts > div:nth-child(-n + 2) .tp-charthead span")
     for tab in ("gains", "tune"):
         page.click(f".tp-tab-{tab}")
         expect(charts.nth(0)).to_be_in_viewport(ratio=1.0)
         expect(charts.nth(1)).to_be_in_viewport(ratio=1.0)
         expect(charts.nth(2)).to_be_hidden()
+        tops = keys.evaluate_all("keys => keys.map((key) => key.getBoundingClientRect().top)")
+        assert len(tops) == 4
+        assert len(set(tops)) == 1  # each legend is one line
     page.click(".tp-tab-gains")
     page.locator("[data-gain=kv]").scroll_into_view_if_needed()
     expect(charts.nth(0)).to_be_in_viewport(ratio=1.0)

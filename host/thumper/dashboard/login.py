@@ -11,6 +11,7 @@ import secrets
 import time
 from html import escape
 from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 from starlette.datastructures import Headers
@@ -21,6 +22,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from thumper.config.bus import is_loopback
 from thumper.dashboard.rate_limit import RateLimit
 
+ICON = (Path(__file__).parent / "static/icon.svg").read_text(encoding="utf-8")
 COOKIE = "thumper_session"
 SESSION_S = 12 * 3600.0
 ATTEMPT_RATE_HZ, ATTEMPT_BURST = 0.2, 5  # guesses of the password per address
@@ -210,12 +212,13 @@ def _form(problem: str) -> str:
 body {{ font: 16px/1.5 system-ui, sans-serif; display: grid; place-items: center; min-height: 100vh;
   margin: 0; background: #0f1720; color: #e6edf3 }}
 form {{ background: #18222d; padding: 2rem; border-radius: 12px; width: min(20rem, 80vw) }}
-h1 {{ font-size: 1.25rem; margin: 0 0 1rem }}
+h1 {{ font-size: 1.25rem; margin: 0 0 1rem; display: flex; align-items: center; gap: .5rem }}
+svg {{ width: 2rem }}
 input, button {{ font: inherit; width: 100%; box-sizing: border-box; padding: .6rem .8rem; border-radius: 8px;
   border: 1px solid #3a4856; background: #0f1720; color: inherit; margin-top: .5rem }}
-button {{ background: #2f81f7; border: 0; color: #fff; font-weight: 600; margin-top: 1rem }}
+button {{ background: #1f6feb; border: 0; color: #fff; font-weight: 600; margin-top: 1rem }}
 p {{ color: #ff9e94; min-height: 1.5em; margin: .75rem 0 0 }}
 </style>
-<form method="post" action="/login"><h1>Thumper</h1>
+<form method="post" action="/login"><h1>{ICON}Thumper</h1>
 <label>Password <input type="password" name="password" autofocus required></label>
 <button>Log in</button><p role="alert">{escape(problem)}</p></form></html>"""
