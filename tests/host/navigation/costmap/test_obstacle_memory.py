@@ -85,7 +85,7 @@ def test_reset_forgets_only_what_the_lidar_can_observe_again() -> None:
 def test_position_error_grows_with_the_distance_driven() -> None:
     """The pose drifts by driving and turning; pose noise at standstill adds nothing."""
     memory = memory_of_a_thumper()
-    post, nothing, turned = np.array(((-0.02, 0.3),)), np.empty((0, 2)), Pose2(theta_rad=-0.2)
+    post, nothing, turned = np.array(((-0.14, 0.3),)), np.empty((0, 2)), Pose2(theta_rad=-0.2)
     memory.update(0.0, Pose2(), post)
     assert memory.position_error_m.size == 0  # in view
     memory.update(0.1, turned, nothing)
@@ -94,7 +94,7 @@ def test_position_error_grows_with_the_distance_driven() -> None:
         memory.update(0.2, Pose2(x_m=0.003 * (i % 2), theta_rad=-0.2), nothing)
     assert memory.position_error_m == pytest.approx([ERROR_FRACTION * 0.2 * RADIUS_M])
     for i in range(10):
-        memory.update(0.3, Pose2(x_m=-0.3 * (i % 2), theta_rad=-0.2), nothing)
+        memory.update(0.3, Pose2(x_m=0.3 * (i % 2), theta_rad=-0.2), nothing)
     assert memory.position_error_m == pytest.approx([MAX_ERROR_M])
     memory.update(0.4, Pose2(), post)
     memory.update(0.5, turned, nothing)
