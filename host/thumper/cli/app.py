@@ -177,6 +177,16 @@ class PlainGroup(ErrorsWithContext, PlainTypes, TyperGroup):
     """A command with subcommands."""
 
 
+class Program(PlainGroup):
+    """The command `thumper`. Typer lists commands with subcommands last; here `PANELS` orders all."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names in the order of `PANELS`, then those of other packages."""
+        order = [name for names in PANELS.values() for name in names]
+        names = super().list_commands(ctx)
+        return [name for name in order if name in names] + [name for name in names if name not in order]
+
+
 class PlainCommand(ErrorsWithContext, PlainTypes, OptionPanels, TyperCommand):
     """A command whose arguments appear in capitals, and whose repeated options may take pairs X Y."""
 
@@ -232,7 +242,7 @@ def _show_version(wanted: bool) -> None:
 def build_app() -> typer.Typer:
     """Build the command line from the commands below and the plugins of other packages."""
     app = typer.Typer(
-        cls=PlainGroup,
+        cls=Program,
         help="A brain for differential-drive robots: wheel speed control, mapping and navigation.",
         epilog=START,
         no_args_is_help=True,

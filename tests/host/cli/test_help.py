@@ -6,6 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from tests.host.cli.conftest import Ended
+from thumper.cli.app import PANELS
 from thumper.ros.topics import TOPICS
 
 Run = Callable[..., Ended]
@@ -94,6 +95,11 @@ def test_help_of_many_options_has_panels(thumper: Run) -> None:
     for command, panels in {"run": ["Goal", "Robot"], "explore": ["Goal", "Robot"]}.items():
         shown = re.findall(r"─ (\w+) ─", thumper(command, "--help").out)
         assert shown == [*panels, "Map", "Output", "Others"]
+
+
+def test_overview_has_the_panels_of_the_reference_in_its_order(thumper: Run) -> None:
+    shown = re.findall(r"─ (\w[^─]*) ─", thumper("--help").out)
+    assert shown == ["Options", *PANELS]
 
 
 def test_overview_says_where_to_start(thumper: Run) -> None:
