@@ -28,7 +28,7 @@ NEXT = {
 }
 AT_REST_TOO = {Fault.LOW_BATTERY, Fault.E_STOP, Fault.WATCHDOG, Fault.BAD_PARAMETERS}
 AT_REST_TOO |= {Fault.ADC_STOPPED, Fault.HIGH_BATTERY, Fault.INPUT_1, Fault.INPUT_2}
-DRAWING = FIRMWARE.parent / "docs/images/board_states.svg"
+DRAWING = Path(__file__).resolve().parents[3] / "docs/images/board_states.svg"
 NOT_READY = [AckStatus.BATTERY_LOW, AckStatus.BATTERY_UNKNOWN, AckStatus.BATTERY_HIGH, AckStatus.INPUT_ACTIVE]
 
 
