@@ -115,9 +115,10 @@ def test_a_late_main_loop_shortens_no_rest() -> None:
 
 
 @pytest.mark.parametrize("speed_rad_s", [-8.0, 4.0, 12.0])
-def test_a_rolling_wheel_that_is_taken_over_does_not_swing_back(speed_rad_s: float) -> None:
-    """As after a drive by motor PWM. With a model speed of zero, the wheel would swing back with 40
-    to 70 % of its speed. Up to 26 % remain if the first output is 0 by chance: then the motors coast."""
+def test_a_rolling_wheel_that_is_taken_over_neither_rolls_on_nor_swings_back(speed_rad_s: float) -> None:
+    """As after a drive by motor PWM. With a model speed of zero, the wheel would swing back with 40 to 70 %
+    of its speed. Up to 26 % remain if the first output is 0 by chance: then the motors coast. Without any
+    tracking it would roll on up to three times as far."""
     chip = InstrumentedChip(ELF, params=RobotParams.load(), seed=1)
     run_for(chip, 0.5)
     speed, pwm = round(1000 * speed_rad_s), round(17.0 * speed_rad_s)
@@ -137,7 +138,7 @@ def test_a_rolling_wheel_that_is_taken_over_does_not_swing_back(speed_rad_s: flo
     assert min(shares) >= -0.3
     assert shares[-1] == 0.0
     distance_rad = abs(chip.truth().wheel_rad[0] - begun.wheel_rad[0])
-    assert distance_rad <= speed_rad_s**2 / (2 * 8.0), "no farther than with the ramp"
+    assert distance_rad <= speed_rad_s**2 / (2 * 16.0), "no farther than with the ramp of the brakes"
 
 
 @pytest.mark.parametrize("driven", [-100, 100])

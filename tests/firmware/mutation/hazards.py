@@ -206,11 +206,11 @@ HAZARDS: dict[str, Removal] = {
         "      left_rest_ = 1;\n",
         "test_a_turning_motor_rests_first",
     ),
-    "a drive by motor PWM ends at speed: the wheels are braked and swing back": Removal(
+    "a drive by motor PWM ends at speed: the wheels roll on or swing back": Removal(
         "core/drive.hpp",
         "    controller_.TrackSpeed(speed);\n",
         "",
-        "test_a_rolling_wheel_that_is_taken_over_does_not_swing_back",
+        "test_a_rolling_wheel_that_is_taken_over_neither_rolls_on_nor_swings_back",
     ),
 }
 
