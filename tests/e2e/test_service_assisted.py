@@ -84,7 +84,7 @@ def test_a_program_may_turn_at_once(service: Service) -> None:
 
 def test_a_robot_does_not_back_into_a_wall_that_it_has_mapped(service: Service) -> None:
     service.put(RobotCommand(name="arm"))
-    hold(service, TeleopSource.VELOCITY, Twist2(w_rad_s=1.0), 28)
+    hold(service, TeleopSource.VELOCITY, Twist2(w_rad_s=1.0), 32)
     assert hold(service, TeleopSource.TELEOP, BACK, CYCLES) > 0.4
     assert "stopped before an obstacle" in service.robot.drive_manager.reason
     assert service.bench.contacts == 0

@@ -21,6 +21,7 @@ REACH_M = 1.2  # of the map around the robot: more than its way to a stop
 FRACTIONS = (1.0, 0.5, 0.25)  # of the speed, tried in turn
 OCCUPIED_PERCENT = 0.65 * OCCUPIED  # as map_server's default
 EDGE_RAD = 0.05
+WALL_ERROR_M = 0.05  # of a wall that only the map shows: half a cell, and the error of the pose in the map
 NEAR = "slowed; an obstacle is near"
 CURE = "drive ahead and look there first, or override the assistance"
 
@@ -91,7 +92,7 @@ class AssistedTeleop:
         points_m, error_m, seen = obstacles
         return ObstaclePoints(
             np.concatenate((points_m[:seen], walls_m, points_m[seen:])),
-            np.concatenate((error_m[:seen], np.zeros(len(walls_m)), error_m[seen:])),
+            np.concatenate((error_m[:seen], np.full(len(walls_m), WALL_ERROR_M), error_m[seen:])),
             seen + len(walls_m),
         ).in_base(state.map_from_base)
 

@@ -114,6 +114,13 @@ def test_walls_of_the_map_count_where_the_lidar_does_not_look() -> None:
     assert limit(AHEAD, (0.24, 0.0)) == AssistedCommand(twist=AHEAD)  # the lidar sees that it has gone
 
 
+def test_a_wall_that_only_the_map_shows_may_be_nearer_than_it_says() -> None:
+    """At 0.06 m the robot stops for it, and not for a wall at 0.12 m; it creeps 1 cm and more."""
+    creeping = Twist2(v_m_s=-0.04)
+    assert limit(creeping, (-0.275, 0.0)).twist == Twist2()
+    assert limit(creeping, (-0.325, 0.0)).twist == creeping
+
+
 def test_ground_never_seen_stops_the_robot_and_the_reason_says_what_to_do() -> None:
     """It counts after the walls of the map, which are obstacles."""
     command = limit(Twist2(v_m_s=-0.3), (-3.0, 2.0), unseen_m=np.array(((-0.226, 0.0),)))
