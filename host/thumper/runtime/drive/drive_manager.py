@@ -94,6 +94,7 @@ class DriveManager:
         self.is_stop_unconfirmed = False  # an emergency stop was requested, but the board did not confirm it
         self._data_age = DataAge()
         self._is_goal_unknown = False  # no scan has shown what is at the goal
+        self._has_fault = False  # the board has latched one
         self._cruise = Twist2()
         self._speeds = WheelSpeeds()
         self._manually_armed = False
@@ -153,6 +154,7 @@ class DriveManager:
         self._cancel_drive("emergency stop", by_user=True)
         # If this command is lost, go silent all the same: the board then stops by its own time-out.
         self._go_idle("emergency stop")
+        self._has_fault = True
         self.board.emergency_stop()
         self.is_stop_unconfirmed = False
 
@@ -183,7 +185,7 @@ class DriveManager:
         A robot that stops ignores it: a program that repeats its command must not prevent the stop.
         """
         if self.mode in (DriveMode.IDLE, DriveMode.STOPPING) and velocity.twist != Twist2():
-            if self.mode is DriveMode.IDLE:
+            if self.mode is DriveMode.IDLE and not self._has_fault:  # a fault must be cleared before
                 self.reason = "the motors are off; arm the robot to drive it manually"
             return
         self.mux.add(at_s, velocity)
@@ -212,6 +214,7 @@ class DriveManager:
     ) -> NavigationOutput | None:
         """Decide and command the wheels; return the navigator's output if it ran."""
         self.command = Twist2()
+        self._has_fault = telemetry.state is State.FAULT
         if stop_reason := self._stop_reason(telemetry):
             self._cancel_drive(stop_reason)
             self._go_idle(stop_reason)

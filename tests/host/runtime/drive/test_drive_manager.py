@@ -390,6 +390,21 @@ def test_manual_command_needs_an_armed_robot(bench: Bench) -> None:
     assert bench.take() == [ARM, ZERO]  # the refused command does not start later
 
 
+def test_manual_command_during_a_fault_keeps_the_reason_of_the_stop(bench: Bench) -> None:
+    bench.manager.arm(None)
+    bench.hold(AHEAD)
+    bench.step(state=State.MANUAL)
+    bench.manager.emergency_stop()
+    bench.hold(AHEAD)  # the key is still down
+    assert bench.manager.reason == "emergency stop"
+    bench.step(state=State.FAULT, fault=Fault.E_STOP)
+    bench.hold(AHEAD)
+    assert bench.manager.reason == "emergency stop"
+    bench.step(state=State.DISARMED)  # the fault is cleared
+    bench.hold(AHEAD)
+    assert bench.manager.reason == "the motors are off; arm the robot to drive it manually"
+
+
 def test_zero_from_a_stick_at_rest_is_no_complaint(bench: Bench) -> None:
     bench.hold(Twist2())
     assert bench.manager.reason == ""
