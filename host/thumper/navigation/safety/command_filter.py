@@ -36,6 +36,7 @@ GIVING_WAY_S, PRIORITY_S = 6.0, 60.0
 WAITING_S, UNHEEDED_S = 6.0, 6.0
 WALKING_MARGIN_M = 0.06  # more room for points on who walks: a foot is put down further on
 FOOT_M = 0.10  # a foot of who walks out of view is somewhere within this distance of where it should be
+AT_ONCE_M = 0.7  # nearer than this a step may end before the robot: it brakes as hard as it can
 NEAR_M = 1.2  # somebody who walks is there in a second
 BEHIND_M = 0.3  # to give way backward, the robot must see so far
 
@@ -149,7 +150,7 @@ class CommandFilter:
             stop = self._waiting_reason(command, request, self._heeded(gives_way=gives_way))
             self._waiting.count(request.period_s, waits=stop is not None)
             if stop is not None:
-                return FilteredCommand(command=self._slowing(request), reason=stop, yielding=True)
+                return FilteredCommand(command=self._waiting_command(request), reason=stop, yielding=True)
             command, stop = self._monitored(command, request, points_m)
             if stop is None:
                 return FilteredCommand(command=command)
@@ -166,6 +167,15 @@ class CommandFilter:
         """
         command, stop = self._monitored(Twist2(), request, NO_OBSTACLES.points_m)
         return command if stop is None else Twist2()
+
+    def _waiting_command(self, request: ControlRequest) -> Twist2:
+        """Return zero if something moves near the robot, else the last command, slowed down."""
+        base = request.map_from_base
+        near = any(
+            np.hypot(*(moved.points_m - (base.x_m, base.y_m)).T).min() < AT_ONCE_M
+            for moved in self._dynamic_obstacles.moving
+        )
+        return Twist2() if near else self._slowing(request)
 
     def _waiting_reason(
         self, command: Twist2, request: ControlRequest, moving: list[MovingObject]
@@ -228,7 +238,7 @@ class CommandFilter:
         command = Twist2() if unknown else self._give_way.best_command(request, discs, allowed)
         waits = command == Twist2()
         if waits:
-            command = self._slowing(request)
+            command = self._waiting_command(request)
         what = "waiting for" if waits else "giving way to"
         return FilteredCommand(command=command, reason=f"{what} something that moves", yielding=True)
 

@@ -57,9 +57,9 @@ class Filter:
         assert command is not None
         return "a person" if command in self.yields_to and moving else None
 
-    def sees_person(self, *, untracked: bool) -> None:
+    def sees_person(self, *, untracked: bool, away_m: float = 1.0) -> None:
         """Let a person move, who is or is not a part of a track."""
-        person = MovingObject(np.zeros((3, 2)), np.array((1.0, 0.0)))
+        person = MovingObject(np.full((3, 2), (away_m, 0.0)), np.array((1.0, 0.0)))
         self.filter._dynamic_obstacles.moving = [person]
         self.filter._tracks.untracked = [person] * untracked
 
@@ -285,6 +285,17 @@ def test_robot_brakes_hard_only_if_it_must(obstacle_x_m: float, v_m_s: float) ->
     assert waiting.yielding
     assert waiting.command is not None
     assert waiting.command.v_m_s == pytest.approx(v_m_s)
+
+
+@pytest.mark.parametrize(("away_m", "v_m_s"), [(0.6, 0.0), (0.8, 0.36)])
+def test_robot_brakes_as_hard_as_it_can_when_somebody_steps_close(away_m: float, v_m_s: float) -> None:
+    fast = Twist2(v_m_s=0.4)
+    waits = Filter()
+    waits.yields_to = [fast]
+    waits.sees_person(untracked=True, away_m=away_m)
+    waiting = waits.run(fast, last=fast, twist=fast)
+    assert waiting.yielding
+    assert waiting.command == Twist2(v_m_s=pytest.approx(v_m_s))  # type: ignore[arg-type]
 
 
 def test_slowing_down_before_an_obstacle_is_no_hard_braking() -> None:
