@@ -20,14 +20,12 @@ def badges() -> dict[str, str]:
     version = _found("host/thumper/common/version.py", r'__version__ = "(.+)"')
     python = project["project"]["requires-python"].removeprefix(">=")
     flash_kB = int(_found("firmware/Makefile", r"FLASH_BUDGET = (\d+)")) / 1024
-    strict = "strict" if project["tool"]["mypy"]["strict"] else "not strict"
     licence = _found("LICENSE", r"(\w+) License")
     return {
         "version.svg": badge("version", version, BLUE),
         "licence.svg": badge("licence", licence, BLUE),
         "python.svg": badge("Python", f"{python} or newer", BLUE),
         "firmware.svg": badge("firmware", f"≤ {flash_kB:.0f} KiB of flash", GREEN),
-        "types.svg": badge("mypy", strict, GREEN),
         "robots.svg": badge("real robots", "none yet", GREY),
     }
 
