@@ -34,7 +34,8 @@ class HintedAttributes:
             """Raise AttributeError."""
             kind = type(self)
             hint = "" if name.startswith("_") else f"; {_hint(kind, self._parts, name)}"
-            raise AttributeError(f"{kind.__name__} has no {name!r}{hint}")
+            # Python adds its own guess, often a private name, for the object that it knows.
+            raise AttributeError(f"{kind.__name__} has no {name!r}{hint}", name=name, obj=None)
 
 
 def _hint(kind: type, parts: Mapping[str, type], name: str) -> str:

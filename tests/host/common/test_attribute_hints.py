@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import traceback
 
 import pytest
 
@@ -42,3 +43,10 @@ def test_what_python_looks_for_is_just_missing() -> None:
     assert not hasattr(Pose2(), "_repr_html_")
     pose = Pose2(x_m=1.0)
     assert copy.deepcopy(pose) == pickle.loads(pickle.dumps(pose)) == pose
+
+
+def test_python_adds_no_guess_of_its_own() -> None:
+    """Of the names that begin with `_` as well."""
+    with pytest.raises(AttributeError) as raised:
+        Pose2().thta_rad  # type: ignore[attr-defined]  # noqa: B018
+    assert "Did you mean" not in "".join(traceback.format_exception(raised.value))
