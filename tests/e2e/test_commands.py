@@ -154,7 +154,7 @@ def test_watch(thumper: Run, bus: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["status", "--bus", "127.0.0.1:1"], 3, "no robot is running at 127.0.0.1:1"),
+        (["status", "--bus", "127.0.0.1:1"], 3, "`thumper run --board sim://` simulates one"),
         (["stop", "--bus", "nonsense"], 2, "use HOST:PORT"),
         (["dashboard", "--bus", "nonsense"], 2, "use HOST:PORT"),
         (["flash", "--board", "/dev/null", "--hex", "none.hex"], 2, "none.hex: no such file"),

@@ -93,7 +93,8 @@ def open_client(address: str, token: str, tls: str = "") -> zenoh.Session:
         return _open_session(_config(settings, token))
     except OSError as error:
         raise ThumperError(
-            f"no robot is running at {address} ({error.strerror or error}); start one with `thumper run`",
+            f"no robot is running at {address} ({error.strerror or error}); start one with `thumper run`. "
+            "Without a robot, `thumper run --board sim://` simulates one",
             exit_code=EXIT_NOT_THERE,
         ) from error
     except zenoh.ZError as error:
