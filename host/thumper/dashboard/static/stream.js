@@ -2,7 +2,7 @@
 
 import { GridImage } from "./grid_image.js";
 
-const HEARTBEAT_MS = 100;
+const HEARTBEAT_MS = 50;
 const RETRY_MS = [200, 500, 1000, 2000];
 const STALE_MS = 1500; // without a packet for this long the display is outdated, even if the socket is open
 const MAX_PENDING_HEARTBEATS = 50;

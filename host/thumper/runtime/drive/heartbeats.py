@@ -1,7 +1,7 @@
 """Detects clients that stop sending heartbeats. Pure."""
 
 MAX_SOURCES = 64
-TIMEOUT_S = 0.3  # three heartbeats of the page; the safety chain allows 0.5 s in all
+TIMEOUT_S = 0.3  # six heartbeats of the page; the safety chain allows 0.5 s in all
 
 
 class HeartbeatMonitor:

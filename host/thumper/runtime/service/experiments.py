@@ -17,7 +17,7 @@ from thumper.board.messages import Command, State
 from thumper.common.errors import ThumperError
 from thumper.common.kinematics import WheelSpeeds
 from thumper.ros.services import ExperimentReport, ExperimentState, StartExperiment
-from thumper.runtime.drive.heartbeats import HeartbeatMonitor
+from thumper.runtime.drive.heartbeats import TIMEOUT_S, HeartbeatMonitor
 from thumper.runtime.publisher import Publisher
 from thumper.runtime.sensor_inputs import SensorInputs
 
@@ -197,13 +197,15 @@ class Experiments:
         loop.publisher.publish_event(f"{name} begins")
 
         def on_poll(samples: list[TelemetrySample]) -> None:
+            asked_s = time.monotonic()  # a heartbeat that arrives during a slow cycle waits for the next one
             loop.step_lent(samples)
             telemetry = loop.inputs.telemetry
             armed = telemetry is not None and telemetry.state is not State.DISARMED
-            if armed and self.heartbeats.is_lost(self.source, time.monotonic()):
+            if armed and self.heartbeats.is_lost(self.source, asked_s):
                 self.stop(
                     "the experiment stopped: "
-                    "the page or program that started it was closed, hidden or disconnected"
+                    "the page or program that started it was closed, hidden or disconnected, "
+                    f"or did not answer for {TIMEOUT_S:g} s; is this computer busy? Try again"
                 )
             if self._stop_reason:
                 raise ThumperError(self._stop_reason)

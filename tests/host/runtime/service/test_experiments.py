@@ -1,6 +1,7 @@
 """Experiments as the robot's loop runs them; the tuning package tests what they drive."""
 
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,12 +10,14 @@ from typing import Any
 import pytest
 
 from thumper.board.board import TelemetrySample
+from thumper.board.messages import State
 from thumper.board.options import BoardOptions
 from thumper.common.geometry import Pose2
 from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
 from thumper.ros.services import StartExperiment
 from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.heartbeats import TIMEOUT_S
 from thumper.runtime.loop import RobotLoop
 from thumper.runtime.service.experiments import ExperimentContext, Experiments, LentBoard
 
@@ -87,6 +90,35 @@ def test_the_result_is_reason_event_and_last_line(tmp_path: Path, monkeypatch: p
     assert (state.what, state.lines, state.problem) == (result, ["left: 3 rad/s", result], "")
     assert events == ["tune begins", f"tune: {result}"]
     assert reasons == [result]
+
+
+def test_a_page_is_not_lost_because_one_cycle_was_slow(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def slow_cycle(_samples: list[TelemetrySample]) -> None:
+        experiments.heartbeats.record("page", time.monotonic())
+        time.sleep(1.1 * TIMEOUT_S)  # the next heartbeats wait for the next cycle
+
+    def experiment(context: ExperimentContext) -> None:
+        context.board.poll(0.0)
+        context.report_result("done")
+
+    telemetry = SimpleNamespace(state=State.CLOSED_LOOP)
+    board = SimpleNamespace(identity=None, restarted=False, poll=lambda _timeout_s: [])
+    loop: Any = SimpleNamespace(
+        inputs=SimpleNamespace(board=board, telemetry=telemetry),
+        publisher=SimpleNamespace(publish_event=lambda _text: None, experiment=""),
+        step_lent=slow_cycle,
+        stop=lambda _reason: None,
+    )
+    monkeypatch.setattr("thumper.runtime.service.experiments._load", lambda _name: experiment)
+    experiments = Experiments()
+    experiments.heartbeats.record("page", time.monotonic())
+    experiments.request(StartExperiment(name="tune", lane_m=1.2), "page")
+    experiments.run(loop)
+    assert (experiments.state().problem, experiments.state().what) == ("", "done")
 
 
 def test_a_lent_board_is_the_board_and_runs_the_loop_at_each_poll(robot: RobotLoop) -> None:
