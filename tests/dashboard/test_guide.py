@@ -257,6 +257,14 @@ def test_tuning_ends_with_its_figures_and_only_better_gains_are_a_question(
     assert guide.outcomes[Step.TUNE].text == text
 
 
+def test_the_dashboard_shows_the_step_until_the_guide_is_done() -> None:
+    guide = Guide("127.0.0.1:1")
+    guide.begin(Step.TUNE)
+    assert guide.progress == "step 5 of 9"
+    guide.begin(Step.DONE)
+    assert guide.progress == ""
+
+
 def test_a_stopped_tuning_begins_again_and_may_be_skipped() -> None:
     state = ExperimentState(running="tune", share=0.5, what="", lines=[], problem="", has_report=False)
     guide = guide_after_tuning(state, replace(state, running="", problem="emergency stop"))

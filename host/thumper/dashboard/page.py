@@ -97,6 +97,9 @@ def _header(options: PageOptions, dark: ui.dark_mode) -> None:
         inline('<b class="tp-brand">Thumper</b>')
         if options.robot != DEFAULT_NAME:
             _field("robot", options.robot).classes("tp-robot")
+        with ui.element("a").classes("tp-firstrun").props("href=/setup"):
+            inline("First run: ")
+            _field("first_run")
         with box("tp-chips"):
             _chip("battery_full", "battery", "Battery").classes("tp-battery")
             _chip("satellite_alt", "gps_fix", "Fix and accuracy of the GPS").classes("tp-of-gps")

@@ -95,6 +95,7 @@ def build_app(
             "experiment": experiment.state,
             "recording_s": recording.elapsed_s(bool(status.get("recording"))),
             "limits": {"v_m_s": limits.v_m_s, "w_rad_s": limits.w_rad_s, "slow": limits.slow},
+            "first_run": guide.progress if guide is not None else "",
         }
 
     state = PageState(base_from_laser)

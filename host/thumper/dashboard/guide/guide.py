@@ -163,6 +163,12 @@ class Guide:
         self.begin(self.step)
 
     @property
+    def progress(self) -> str:
+        """The step in words for the dashboard; empty once the guide is done."""
+        done = self.step is Step.DONE
+        return "" if done else f"step {STEPS.index(self.step) + 1} of {len(STEPS) - 1}"
+
+    @property
     def has_robot(self) -> bool:
         """Whether the guide has started `thumper run`."""
         return self._run is not None

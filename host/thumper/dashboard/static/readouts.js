@@ -58,6 +58,7 @@ function gpsText(gps, age_s) {
 
 const FIELDS = {
   ...SENSOR_FIELDS,
+  first_run: ({ first_run: step }) => step ?? "",
   robot: ({ status }) => status?.robot ?? "",
   mode: ({ status, experiment }) => (experiment?.running
     ? EXPERIMENTS[experiment.running] ?? formatName(experiment.running)
