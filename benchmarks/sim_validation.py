@@ -1,6 +1,6 @@
 """Compare the simulated robot with the robot of the thesis: `python benchmarks/sim_validation.py`.
 
-Experiment 1 of the thesis (Svec 2019, 8.1): drive manually and compare the wheel speeds from the encoders
+Experiment 1 of the thesis (Švec 2019, 8.1): drive manually and compare the wheel speeds from the encoders
 with those from the observed motion of the body, `w = (v -+ yaw rate * l / 2) / r`, l = 0.245 m.
 """
 

@@ -46,7 +46,12 @@ def test_demo_reaches_both_goals_and_writes_its_results(thumper: Run, tmp_path: 
     assert session.map_from_base is not None
     for picture in ("missions.png", "speed_control.png"):
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
-    assert "thesis" in (tmp_path / "table.md").read_text()
+    page = (tmp_path / "table.md").read_text()
+    for condition in ("thesis", "Preset nominal; simulated at ", "set-point"):
+        assert condition in page
+    worst_cm = 100 * max(mission["goal_error_m"] for mission in summary["missions"])
+    assert f"within {worst_cm:.1f} cm of its goals; the thesis required 40 cm" in output
+    assert "set-point" not in output
     assert str(tmp_path) in output.replace("\n", "")
     assert output.startswith("A simulated robot drives two missions")
     assert "recording to" not in output

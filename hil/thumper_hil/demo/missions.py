@@ -1,4 +1,4 @@
-"""The demo's missions, and the results of the thesis (Svec 2019, experiments 8.2 and 8.3)."""
+"""The demo's missions, and the results of the thesis (Švec 2019, experiments 8.2 and 8.3)."""
 
 import math
 from dataclasses import dataclass

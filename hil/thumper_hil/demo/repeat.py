@@ -1,4 +1,4 @@
-"""Repeat the demo's missions with many seeds: statistics of the thesis's experiment 8.3 (Svec 2019)."""
+"""Repeat the demo's missions with many seeds: statistics of the thesis's experiment 8.3 (Švec 2019)."""
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields

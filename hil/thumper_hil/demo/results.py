@@ -48,7 +48,7 @@ FILES = (  # of the results, what they hold
     ("speed_control.png", "the wheel speeds"),
     ("map_straight.*, map_box.*", "the two maps; map.* is a copy of map_box.*"),
     ("recordings/", "recordings of both drives"),
-    ("table.md, summary.json", "this table; all figures"),
+    ("table.md, summary.json", "this table with its conditions; all figures"),
 )
 FOOTNOTE = (
     "Wheel speed error: ramped set-point of the firmware minus measured speed, straight run, while moving. "
@@ -72,10 +72,14 @@ def write_results(
     draw_speeds(figure, straight.log.speeds, "wheel speed control on the straight run")
     save_figure(figure, out / "speed_control.png", 130)
     rows = table_rows(summary)
+    speed = f"Preset {setting['preset']}; simulated at {summary['sim_speed_x_real_time']:.1f} x real time."
+    write_text(out / "table.md", _markdown(rows, speed))
     _print_table(rows, console)
-    write_text(out / "table.md", _markdown(rows))
-    speed = f"{summary['sim_speed_x_real_time']:.1f} x real time"
-    console.print(f"preset {setting['preset']}; simulation ran at {speed}", highlight=False)
+    worst_cm, required_cm = 100 * max(outcome.goal_error_m for outcome in outcomes), 100 * TOLERANCE_M
+    best = (
+        f"The robot stopped within {worst_cm:.1f} cm of its goals; the thesis required {required_cm:.0f} cm."
+    )
+    console.print(best, highlight=False, soft_wrap=True)
     console.print(f"\nResults in {out}/:", soft_wrap=True)
     for name, content in FILES:
         console.print(f"  {name:<29}{content}", highlight=False, soft_wrap=True)
@@ -164,14 +168,13 @@ def _print_table(rows: list[tuple[str, str, str]], console: Console) -> None:
     table = Table("", "ours (simulated)", "thesis (real robot)")
     for row in rows:
         table.add_row(*row)
-    console.print("\nThe same two missions in a bachelor thesis (Svec 2019), with a real robot:")
+    console.print("\nThe same two missions in a bachelor thesis, with a real robot:")
     console.print(table)
-    console.print(FOOTNOTE, highlight=False)
 
 
-def _markdown(rows: list[tuple[str, str, str]]) -> str:
+def _markdown(rows: list[tuple[str, str, str]], speed: str) -> str:
     lines = ["| | ours (simulated) | thesis (real robot) |", "|---|---|---|"]
-    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows), "", FOOTNOTE]) + "\n"
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows), "", speed, "", FOOTNOTE]) + "\n"
 
 
 def _picture_of_missions(path: Path, outcomes: Sequence[Outcome]) -> None:
