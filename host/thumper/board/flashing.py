@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,7 +40,9 @@ class FlashJob:
 
 
 def flash_board(job: FlashJob, *, tool: str, report: Callable[[str], None] = lambda _: None) -> None:
-    """Write and verify the firmware; `tool` is avrdude, pio or auto. `report` gets a line when it begins.
+    """Write and verify the firmware; `tool` is avrdude, pio or auto.
+
+    `report` gets a line when it begins, and with avrdude one per 20 % written and verified.
 
     Raises
     ------
@@ -62,9 +65,13 @@ def flash_board(job: FlashJob, *, tool: str, report: Callable[[str], None] = lam
         status, output = _run(probe, PROBE_TIMEOUT_S)
         if status != 0:
             raise _explain(job, tool, executable, output)
-        command = [*probe, "-U", f"flash:w:{job.hex_file}:i"]
+        command = [argument for argument in probe if argument != "-q"]  # quiet, avrdude shows no progress
+        command += ["-U", f"flash:w:{job.hex_file}:i"]
     report(f"flashing {_short(job.hex_file)} to {job.port} at {job.upload_baud} baud")
-    status, output = _run(command, FLASH_TIMEOUT_S)
+    if tool == "pio":
+        status, output = _run(command, FLASH_TIMEOUT_S)
+    else:
+        status, output = _write(command, FLASH_TIMEOUT_S, report)
     if status != 0:
         raise _explain(job, tool, executable, output)
 
@@ -106,6 +113,33 @@ def _run(command: list[str], timeout_s: float) -> tuple[int, str]:
     except subprocess.TimeoutExpired:
         return 1, "timeout communicating with programmer"
     return result.returncode, result.stdout + result.stderr
+
+
+def _write(command: list[str], timeout_s: float, report: Callable[[str], None]) -> tuple[int, str]:
+    """Run avrdude and report its progress, which it draws as 50 `#` for each of writing and verifying."""
+    output = ""
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
+    ) as process:
+        assert process.stdout is not None
+        timer = threading.Timer(timeout_s, process.kill)
+        timer.start()
+        try:
+            while letter := process.stdout.read(1):
+                output += letter
+                _, writing, after = output.partition(
+                    "Writing | "
+                )  # before it, some versions read a signature
+                length = len(output) - len(output.rstrip("#"))
+                if writing and length and length % 10 == 0:
+                    report(f"{'verifying' if 'Reading | ' in after else 'writing'}: {2 * length} %")
+        except BaseException:
+            process.kill()
+            raise
+        finally:
+            expired = not timer.is_alive()
+            timer.cancel()
+    return (1, "timeout communicating with programmer") if expired else (process.returncode, output)
 
 
 def _explain(job: FlashJob, tool: str, executable: str, output: str) -> ThumperError:

@@ -47,7 +47,12 @@ def test_the_flashed_robot_answers() -> None:
     with on_pty(chip) as port:
         result = flash("--board", port, "--bootloader", "old")
     assert result.returncode == 0, result.stderr
-    assert "verified" in result.stdout
+    lines = result.stdout.splitlines()
+    progress = [line for line in lines if line.endswith(" %")]
+    assert progress == [
+        f"{stage}: {n} %" for stage in ("writing", "verifying") for n in (20, 40, 60, 80, 100)
+    ]
+    assert lines[lines.index("verifying: 100 %") + 1] == "written and verified"
     assert "firmware 0." in result.stdout
     assert "TREX" in result.stdout
     start, image = read_hex(firmware_image("trex", "hex"))
