@@ -105,6 +105,7 @@ def test_charts_are_high_on_a_large_screen_and_leave_the_map_its_place(page: Pag
             assert above["y"] + above["height"] <= below["y"]
         assert boxes[2] is not None
         assert boxes[2]["y"] + boxes[2]["height"] <= size[1]
+        page.locator(".tp-hint details").evaluate("help => help.open = true")
         page.locator("text=manual driving and tuning stop").click(trial=True)  # no scrolling to the last line
         page.click("text=Wheels")
         expect(page.locator(".tp-charts")).to_be_hidden()

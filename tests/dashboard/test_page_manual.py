@@ -272,3 +272,11 @@ def test_the_joystick_shows_what_to_do_before_it_drives(page: Page, robot: FakeR
     expect(block).to_have_text("Clear the fault first")
     robot.fault, robot.fault_words = Fault.LINK_LOST, "connection lost"
     expect(block).to_have_text("Press Arm first")  # that clears it, too
+
+
+def test_the_help_for_driving_is_closed_at_first(page: Page) -> None:
+    text = page.locator(".tp-hint p", has_text="Hold the joystick")
+    expect(text).to_be_hidden()
+    page.click("text=How to drive")
+    expect(text).to_be_visible()
+    expect(page.locator(".tp-pad")).to_have_text("Gamepad: press a button to connect it")

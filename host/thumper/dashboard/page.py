@@ -211,10 +211,11 @@ def _drive_panel() -> None:
         Widget("camera").classes("tp-frame")
         _field("camera_age")
     ui.html(
-        '<p>Press Arm first. Then hold the joystick<span class="tp-keyboard"> or W, A, S, D</span> to drive, '
-        "release to stop; this has priority over any goal. Gamepad: hold LB to drive, RB is turbo, B stops, "
-        "Start arms. If this page is hidden, frozen or closed, manual driving and tuning stop; a goal goes "
-        "on.</p>",
+        "<details><summary>How to drive</summary>"
+        '<p>Hold the joystick<span class="tp-keyboard"> or W, A, S, D</span> to drive, release to stop; this '
+        "has priority over any goal.</p><p>Gamepad: hold LB to drive, RB is turbo, B stops, Start arms.</p>"
+        "<p>If this page is hidden, frozen or closed, manual driving and tuning stop; a goal goes on.</p>"
+        "</details>",
         sanitize=False,
     ).classes("tp-hint")
 

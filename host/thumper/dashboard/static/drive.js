@@ -151,7 +151,7 @@ class ManualDrive {
     this.gamepadStatus.dataset.found = Boolean(gamepad);
     if (!gamepad || document.hidden || !document.hasFocus()) {
       this.showGamepad(gamepad ? "Click this page to drive with the gamepad"
-        : "No gamepad found: press any of its buttons");
+        : "Gamepad: press a button to connect it");
       this.mustRelease = true;
       return null;
     }
