@@ -283,6 +283,19 @@ def test_a_notice_goes_when_it_is_true_no_longer(page: Page) -> None:
     expect(notices).to_have_count(0, timeout=2_000)  # by itself it would stay for 4 s
 
 
+def test_the_notice_of_a_saved_map_replaces_the_one_of_its_start(page: Page, robot: FakeRobot) -> None:
+    notices = page.locator(".tp-notice")
+    page.evaluate(
+        """async () => {
+          const { notify } = await import("thumper-dashboard/commands.js");
+          notify("saving the map to a.yaml", "good");
+        }"""
+    )
+    expect(notices).to_have_text(["saving the map to a.yaml"])
+    robot.event("map saved: a.yaml")
+    expect(notices).to_have_text(["map saved: a.yaml"], timeout=2_000)  # by itself it would stay for 4 s
+
+
 def test_a_notice_does_not_repeat_the_line_below_the_map(page: Page, robot: FakeRobot) -> None:
     explored = "explored after 9 s: reached 2 of 2 frontiers; back at the start"
     notices = page.locator(".tp-notice")

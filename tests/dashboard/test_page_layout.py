@@ -415,7 +415,7 @@ def test_a_phone_shows_no_empty_message(page: Page) -> None:
 def test_a_phone_hides_the_map_beside_panels_that_do_not_need_it(page: Page, robot: FakeRobot) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
     box = page.locator(".tp-mapbox")
-    for tab in ("gains", "tune", "sim"):
+    for tab in ("gains", "tune", "log", "sim"):
         page.click(f".tp-tab-{tab}")
         expect(box).to_be_hidden()
     page.click("text=Add a pillar")
@@ -429,6 +429,15 @@ def test_a_phone_hides_the_map_beside_panels_that_do_not_need_it(page: Page, rob
     page.click(".tp-tab-drive")
     expect(box).to_be_visible()
     assert robot.fault == 0
+
+
+def test_a_phone_shows_a_low_map_above_the_lists_until_a_tool_needs_it(page: Page) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    box = page.locator(".tp-mapbox")
+    page.click(".tp-tab-map")
+    expect(box).to_have_css("height", "200px")
+    page.click("[data-tool=goal]")
+    expect(box).to_have_css("height", "318px")
 
 
 def test_phone_layout_shows_everything(page: Page, robot: FakeRobot) -> None:

@@ -165,6 +165,7 @@ export function startCommands() {
     for (const { text } of isSnapshot ? [] : events) {
       if (text.startsWith("beep at ")) beep();
       noteRestart(text);
+      if (/^(map saved|the map was not saved): /.test(text)) removeNotices("saving the map");
       if (text.startsWith("map saved: ")) notify(text, "good");
       if (/^the (map was not saved|pose was not set): |^the scans contradict/.test(text)) notify(text, "bad");
       if (EXPLORATION_ENDS.test(text)) {
