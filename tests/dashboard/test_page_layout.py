@@ -494,5 +494,5 @@ def test_both_sides_have_the_same_scale(page: Page) -> None:
         }"""
     )
     assert ranges[0] == ranges[1] != ranges[2] == ranges[3]
-    assert ranges[0][1] >= 9
-    assert ranges[2][1] >= 200
+    assert ranges[0][1] > 9.5  # no line is at the edge, where half of it would be cut
+    assert ranges[2][1] > 210

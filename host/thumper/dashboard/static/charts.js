@@ -7,6 +7,7 @@ import uPlot from "./uplot_module.js";
 
 const HISTORY_S = 120;
 const WINDOWS_S = [10, 30, 60, 120];
+const HEADROOM = 0.1; // of the range, above and below: a line at the edge would be cut
 const LOW_SCREEN = "(min-width: 901px) and (max-height: 720px), (min-width: 561px) and (max-height: 499px)"; // map and charts do not both fit
 const COLUMNS = [
   "time_s",
@@ -15,8 +16,8 @@ const COLUMNS = [
   ]),
 ];
 // `scale`: the columns of both sides, which have one y axis so that they can be compared
-const SPEED = { names: ["set-point", "speed"], colours: ["setpoint", "speed"], minTop: 2, digits: 2, scale: [1, 2, 6, 7] };
-const PWM = { names: ["PWM", "integral"], colours: ["pwm", "integral"], minTop: 40, digits: 0, scale: [3, 4, 8, 9] };
+const SPEED = { names: ["set-point", "speed"], colours: ["setpoint-line", "speed"], widths: [4, 2], minTop: 2, digits: 2, scale: [1, 2, 6, 7] };
+const PWM = { names: ["PWM", "integral"], colours: ["pwm", "integral"], widths: [1.5, 2], minTop: 40, digits: 0, scale: [3, 4, 8, 9] };
 const PLOTS = [
   { title: "Left · rad/s", columns: [1, 2], ...SPEED },
   { title: "Right · rad/s", columns: [6, 7], ...SPEED },
@@ -33,7 +34,7 @@ class Charts {
     this.rows = []; // each in the order of COLUMNS
     this.shown = []; // those in the time window
     this.frozen = false;
-    this.window_s = 30;
+    this.window_s = WINDOWS_S[0];
     this.addToolbar(root, open);
     const grid = root.appendChild(document.createElement("div"));
     grid.className = "tp-charts";
@@ -92,7 +93,7 @@ class Charts {
     return button;
   }
 
-  addPlot(grid, { title, columns, names, colours, minTop, digits, scale }) {
+  addPlot(grid, { title, columns, names, colours, widths, minTop, digits, scale }) {
     const box = grid.appendChild(document.createElement("div"));
     const head = box.appendChild(document.createElement("div"));
     head.className = "tp-charthead";
@@ -120,7 +121,7 @@ class Charts {
         ...names.map((label, k) => ({
           label,
           stroke: () => colour(colours[k]),
-          width: k === 0 ? 1.5 : 2,
+          width: widths[k],
           points: { show: false },
         })),
       ],
@@ -128,7 +129,7 @@ class Charts {
     return { chart, columns, box, head, outputs, digits };
   }
 
-  // The lowest and highest value of these columns in the time window, at least a quarter below 0 and `minTop`.
+  // The range of these columns in the time window, at least from a quarter below 0 to `minTop`.
   rangeOf(columns, minTop) {
     let [low, high] = [-minTop / 4, minTop];
     for (const row of this.shown) {
@@ -137,7 +138,8 @@ class Charts {
         high = Math.max(high, row[column] ?? high);
       }
     }
-    return [low, high];
+    const margin = HEADROOM * (high - low);
+    return [low - margin, high + margin];
   }
 
   resize() {
