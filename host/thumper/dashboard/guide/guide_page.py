@@ -76,6 +76,7 @@ def _build_page(guide: Guide, options: PageOptions) -> None:
             with box("tg-wiring"):  # until there is a map
                 ui.label("How the parts are connected").classes("tg-title")
                 inline(f'<img src="{_wiring()}" alt="Battery, board, motors, encoders, computer and lidar">')
+                ui.label("The robot is simulated: nothing to wire.").classes("tg-simulated")
             with box("tp-mapbox"):
                 Widget("map", {"footprint": options.footprint_m}).classes("tp-map")
             with box("tp-state"):
@@ -145,6 +146,8 @@ class GuideView:
         self._main.props(f"data-step={guide.step}")
         has_charts = guide.step is Step.TUNE or bool(guide.rows)
         self._main.props("data-charts") if has_charts else self._main.props(remove="data-charts")
+        is_simulated = guide.ports is not None and guide.ports.simulated
+        self._main.props("data-simulated") if is_simulated else self._main.props(remove="data-simulated")
         self._steps.clear()
         self._outcome = self._output = None
         with self._steps:
