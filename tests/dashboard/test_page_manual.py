@@ -103,6 +103,9 @@ def test_escape_cancels_the_tool_before_it_stops(page: Page, robot: FakeRobot) -
     assert len(robot.received_of(EmergencyStop)) == 1
     assert not [query for query in robot.received_of(Query) if query.name == "mission/send"]
     page.keyboard.press("Escape")  # closes the layers
+    page.keyboard.press("Escape")  # one too many
+    page.wait_for_timeout(550)
+    assert len(robot.received_of(EmergencyStop)) == 1
     page.keyboard.press("Escape")  # nothing is left to cancel
     until(lambda: len(robot.received_of(EmergencyStop)) == 2)
 

@@ -15,7 +15,9 @@ const OPEN_SELECT = ".q-menu, .q-dialog"; // Quasar closes these on Esc by itsel
 
 const WAITING_STOP = "tp-waiting-stop";
 let answeredBy = Infinity; // the number of the heartbeat whose answer shows that the stop has arrived
+const ESC_PAUSE_MS = 500; // after an Esc that closed something, one more is no emergency stop
 const cancellers = [];
+let closedMs = -Infinity;
 
 // Add a function that cancels what the user has begun, and returns whether there was anything. Esc calls it.
 export function onCancel(cancel) {
@@ -114,7 +116,9 @@ export function startCommands() {
     if (event.code === "Space") event.preventDefault();
     if (event.repeat) return; // an Esc that is held cancels once, and does not stop the robot as well
     if (event.code === "Space") emergencyStop("Space");
-    if (event.code === "Escape" && !cancelled()) emergencyStop("Esc");
+    if (event.code !== "Escape") return;
+    if (cancelled()) closedMs = event.timeStamp;
+    else if (event.timeStamp - closedMs > ESC_PAUSE_MS) emergencyStop("Esc");
   }, true);
   document.addEventListener("keyup", (event) => {
     if (event.code === "Space") event.preventDefault(); // a focused button fires when Space is released
