@@ -127,9 +127,7 @@ def _write(command: list[str], timeout_s: float, report: Callable[[str], None]) 
         try:
             while letter := process.stdout.read(1):
                 output += letter
-                _, writing, after = output.partition(
-                    "Writing | "
-                )  # before it, some versions read a signature
+                _, writing, after = output.partition("Writing | ")  # before it, some read a signature
                 length = len(output) - len(output.rstrip("#"))
                 if writing and length and length % 10 == 0:
                     report(f"{'verifying' if 'Reading | ' in after else 'writing'}: {2 * length} %")
