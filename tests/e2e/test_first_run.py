@@ -46,6 +46,13 @@ def check_contrast(page: Page) -> None:
             assert page.evaluate(POOR) == [], (screen, theme)
 
 
+def check_no_wiring(page: Page) -> None:
+    """Check that a simulated robot's guide has a line instead of the drawing."""
+    page.set_viewport_size(TABLET)
+    expect(page.get_by_text("nothing to wire")).to_be_visible()
+    expect(page.get_by_alt_text("Battery, board, motors")).to_be_hidden()
+
+
 def press_by_keyboard(page: Page, name: str) -> None:
     """Press Tab until a button has the focus, which it shows, then Enter."""
     button = page.get_by_role("button", name=name, exact=True)
@@ -120,6 +127,7 @@ def follow(tmp_path: Path) -> None:
             expect(page.get_by_label("New configuration file")).to_have_value("robot_2.toml")
             press_by_keyboard(page, "Use robot.toml")
             walk.done("robot", "flash")
+            check_no_wiring(page)
         browser.close()
     assert not problems
     assert 'port = "sim://setup/board?world=house-4&' in written
