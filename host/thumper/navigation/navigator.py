@@ -284,17 +284,17 @@ class Navigator:
         return self._parts.watchdog.check(cycle.time_s, self._last_command, twist, cycle.lost)
 
     def _control_request(self, cycle: CycleInput) -> ControlRequest:
-        path, base = self._parts.path, cycle.map_from_base
-        by_place_m_s = self._parts.speed_limiter.limit_m_s(base, path.path_m, path.remaining_m(base))
+        path = self._parts.path
+        remaining_m = path.remaining_m(cycle.map_from_base)
         local_costmap = self._parts.model.local_costmap
         assert local_costmap is not None  # the model was updated
         return ControlRequest(
-            map_from_base=base,
+            map_from_base=cycle.map_from_base,
             twist=cycle.twist,
             last_command=self._last_command,
             path_m=np.empty((0, 2)) if path.path_m is None else path.path_m,
             costmap=local_costmap,
-            v_limit_m_s=min(by_place_m_s, self._parts.command_filter.limit_m_s(base)),
+            v_limit_m_s=self._parts.speed_limiter.limit_m_s(cycle.map_from_base, path.path_m, remaining_m),
             period_s=cycle.period_s,
             pose_costmap=self._parts.model.pose_costmap,
             fine_costmap=self._parts.model.fine_costmap,

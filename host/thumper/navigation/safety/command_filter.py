@@ -1,6 +1,5 @@
 """The command filter: give way, dynamic obstacles, velocity smoother, collision monitor, escape."""
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -37,7 +36,6 @@ WAITING_S, UNHEEDED_S = 6.0, 6.0
 WALKING_MARGIN_M = 0.06  # more room for points on who walks: a foot is put down further on
 FOOT_M = 0.10  # a foot of who walks out of view is somewhere within this distance of where it should be
 AT_ONCE_M = 0.7  # nearer than this a step may end before the robot: it brakes as hard as it can
-NEAR_M = 1.2  # somebody who walks is there in a second
 BEHIND_M = 0.3  # to give way backward, the robot must see so far
 
 
@@ -73,7 +71,6 @@ class CommandFilter:
         self._obstacles = NO_OBSTACLES
         self._dynamic_obstacles = DynamicObstacles(dynamic_obstacles, limits, padded, view)
         self._gives_way = dynamic_obstacles.ahead_s > 0.0
-        self._v_near_m_s = dynamic_obstacles.v_near_m_s
         self._view = view
         self._tracks = Tracks(dynamic_obstacles.least_m_s)
         self._give_way = GiveWay(limits, padded, margin_m=dynamic_obstacles.margin_m)
@@ -116,12 +113,6 @@ class CommandFilter:
         walk = self._tracks.are_near(points_m)
         walk[walk] = ~self._dynamic_obstacles.rested(points_m[walk])
         return walk
-
-    def limit_m_s(self, map_from_base: Pose2) -> float:
-        """Return the highest speed [m/s]: less near somebody who walks, if the robot gives way."""
-        base_m = np.array((map_from_base.x_m, map_from_base.y_m))
-        near = any(math.dist(track.centre_m, base_m) < NEAR_M for track in self._tracks.moving())
-        return self._v_near_m_s if near and self._gives_way else self._limits.v_max_m_s
 
     def sees_motion(self, time_s: float) -> bool:
         """Return whether there are dynamic obstacles, or were a moment ago."""

@@ -46,9 +46,6 @@ class DynamicObstacleOptions:
     margin_m: Annotated[float, Ge(0)] = 0.12
     # Slower objects count as static [m/s].
     least_m_s: Annotated[float, Gt(0)] = 0.25
-    # Highest speed within 1.2 m of somebody who walks [m/s]: they put a foot down sooner than the robot stops
-    # from full speed.
-    v_near_m_s: Annotated[float, Gt(0)] = 0.25
 
 
 class PastScan(NamedTuple):

@@ -353,16 +353,3 @@ def test_robot_keeps_more_room_to_who_walks(ahead_s: float, margin_m: float) -> 
     cycle: Any = SimpleNamespace(time_s=0.0, scan_pose=Pose2(), map_from_base=Pose2())
     checked.filter.update(cycle, model)
     assert checked.filter._obstacles.position_error_m == pytest.approx([0.01 + margin_m, 0.01])
-
-
-@pytest.mark.parametrize(
-    ("ahead_s", "at_m", "walks", "limit_m_s"),
-    [(2.0, 1.0, True, 0.25), (2.0, 1.4, True, 0.4), (2.0, 1.0, False, 0.4), (0.0, 1.0, True, 0.4)],
-)
-def test_robot_is_slower_near_somebody_who_walks(
-    ahead_s: float, at_m: float, walks: bool, limit_m_s: float
-) -> None:
-    checked = Filter(ahead_s)
-    somebody = SimpleNamespace(centre_m=np.array((2.0, 1.0 + at_m)))
-    vars(checked.filter._tracks)["moving"] = lambda: [somebody] * walks
-    assert checked.filter.limit_m_s(Pose2(x_m=2.0, y_m=1.0)) == limit_m_s
