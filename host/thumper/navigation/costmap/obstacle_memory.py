@@ -25,9 +25,10 @@ CLEARING_M = 0.08  # a ray that passes this far behind a point clears it
 SILENT_LOOKS, LOOK_STEP_M, LOOK_STEP_S = 3, 0.06, 0.4
 NOWHERE_M = 1e6
 VOXEL_M = 0.02
-# A point out of view is where the lidar saw it, with the errors of its range and its mounting, less the drift
-# of the pose since. Both matter from the first turn on. The pose in the map limits the drift.
-ERROR_FRACTION, MAX_ERROR_M = 0.1, 0.03
+# While a point is out of view, the pose drifts against it by about this fraction of the distance driven, but
+# hardly by more than the limit, because the map holds the pose. More room, for the lidar's own error, closes
+# gaps and prevents no contact (docs/results/navigation-history.md).
+ERROR_FRACTION, MAX_ERROR_M = 0.025, 0.02
 MIN_STEP_M = 0.05  # a shorter movement is the pose noise of a stationary robot
 BELOW_M = 0.04  # inside the outline; the pose may be wrong by less
 BESIDE_M = 0.25  # beyond the robot's circle; about as far as it backs up, where only this memory sees
