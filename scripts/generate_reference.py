@@ -38,7 +38,8 @@ SIGNS = ((Ge, "ge", "≥"), (Gt, "gt", ">"), (Le, "le", "≤"), (Lt, "lt", "<"))
 
 def cli_pages() -> dict[str, str]:
     """Return the pages of the commands by file name: an index, and one for each group of `thumper --help`."""
-    app, pages = _app(), {"cli.md": _index_page(_app())}
+    app = _app()
+    pages = {"cli.md": _index_page(app)}
     for panel, names in PANELS.items():
         sections = [line for name in names for line in _sections(app.commands[name], name)]
         pages[_group_file(panel)] = "\n".join([NOTE, f"# {panel}\n", *sections])

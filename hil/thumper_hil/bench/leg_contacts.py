@@ -73,10 +73,8 @@ class LegContacts:
                 continue
             depth_m = _depth_m(outline_m, leg)
             if in_m is None:
-                in_m, is_robots = (
-                    depth_m,
-                    self._is_robots(pose, before, leg, self._paths[index][0], elapsed_s),
-                )
+                in_m = depth_m
+                is_robots = self._is_robots(pose, before, leg, self._paths[index][0], elapsed_s)
                 self.by_people += not is_robots
             else:
                 rests = self._rests(index)

@@ -155,26 +155,21 @@ class Tracks:
                 + np.vstack([end * track.stride_m + track.radius_m * CIRCLE for end in (-1.0, 1.0)]),
                 track.velocity_m_s,
             )
-            for track in self.tracks
-            if track.speed_m_s >= self._least_m_s
+            for track in self._moving_now()
         ]
 
     def feet_m(self) -> FloatArray:
         """Return the middle and both ends of the stride of each track that moves now, shape (n, 2) in map."""
         feet_m = [
-            track.centre_m + end * track.stride_m
-            for track in self.tracks
-            if track.speed_m_s >= self._least_m_s
-            for end in (-1.0, 0.0, 1.0)
+            track.centre_m + end * track.stride_m for track in self._moving_now() for end in (-1.0, 0.0, 1.0)
         ]
         return np.array(feet_m).reshape(-1, 2)
 
     def are_near(self, points_m: FloatArray) -> NDArray[np.bool_]:
         """Return which points, shape (n, 2) in map, are near the middle of a track that moves now."""
         near = np.zeros(len(points_m), np.bool_)
-        for track in self.tracks:
-            if track.speed_m_s >= self._least_m_s:
-                near |= np.hypot(*(points_m - track.centre_m).T) <= WALKING_M
+        for track in self._moving_now():
+            near |= np.hypot(*(points_m - track.centre_m).T) <= WALKING_M
         return near
 
     def has_unknown_near(self, at_m: FloatArray) -> bool:
@@ -228,6 +223,9 @@ class Tracks:
             track.moved_s = time_s
             if track.speed_m_s >= TURNING_FRACTION * math.hypot(*track.walk_m_s):
                 track.walk_m_s = track.velocity_m_s
+
+    def _moving_now(self) -> list[Track]:
+        return [track for track in self.tracks if track.speed_m_s >= self._least_m_s]
 
     def _turns(self, track: Track) -> bool:
         return self._time_s is not None and self._time_s - track.moved_s < STANDING_S
