@@ -62,6 +62,10 @@ class ControlCycle:
             self.request_handler.board_jobs.run_for(self.inputs.now_s)
         self.rate.wait()
 
+    def process_requests(self) -> None:
+        """Handle the requests that have arrived."""
+        self.request_handler.process_pending()
+
     @raise_lost_interrupt()
     def step_without_board(self, reason: str) -> None:
         """Run one cycle while the board is lost: publish, and refuse all requests with `reason`."""

@@ -25,6 +25,7 @@ FOLDER = Path("out") / "experiments"
 MIN_LANE_M, MAX_LANE_M = 0.6, 10.0
 MAX_LINES = 200
 POLL_TIMEOUT_S = 0.5
+DELIVERY_S = 0.02  # for the threads of the bus to queue what has arrived
 
 T = TypeVar("T")
 
@@ -61,6 +62,10 @@ class BoardLender(Protocol):
 
     def step_lent(self, samples: list[TelemetrySample]) -> None:
         """Run one control cycle with telemetry that the experiment has read."""
+        ...
+
+    def process_requests(self) -> None:
+        """Handle the requests that have arrived."""
         ...
 
     def stop(self, reason: str) -> object:
@@ -201,7 +206,7 @@ class Experiments:
             loop.step_lent(samples)
             telemetry = loop.inputs.telemetry
             armed = telemetry is not None and telemetry.state is not State.DISARMED
-            if armed and self.heartbeats.is_lost(self.source, asked_s):
+            if armed and self._is_page_lost(loop, asked_s):
                 self.stop(
                     "the experiment stopped: "
                     "the page or program that started it was closed, hidden or disconnected, "
@@ -217,6 +222,17 @@ class Experiments:
             loop.publisher.experiment = ""
         loop.stop(ending)
         loop.publisher.publish_event(f"{name}: {ending}")
+
+    def _is_page_lost(self, loop: BoardLender, asked_s: float) -> bool:
+        """Return whether the page was silent for too long at `asked_s`.
+
+        A slow cycle also holds up the threads of the bus: what arrived meanwhile is not queued yet.
+        """
+        if not self.heartbeats.is_lost(self.source, asked_s):
+            return False
+        time.sleep(DELIVERY_S)
+        loop.process_requests()
+        return self.heartbeats.is_lost(self.source, asked_s)
 
     def _run_on(self, board: Board) -> str:
         """Run the experiment; return how it ended."""
