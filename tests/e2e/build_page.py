@@ -263,7 +263,7 @@ def follow(walk: Walk, *, with_setup: bool) -> None:
     assert stop_s < 0.5, motions
     assert cut_s < CABLE_S, motions
     with walk.robot("wood") as floor:
-        assert "reached: at the goal" in walk.run(first)
+        assert "\nat the goal" in walk.run(first)
     speed_m_s = top_speed_m_s(floor[0])
     away_m = float(np.hypot(*(floor[0][-1, 1:3] - floor[0][0, 1:3])))
     print(f"on the floor: {speed_m_s:.3f} m/s at most, {away_m:.2f} m")

@@ -217,7 +217,7 @@ def _drive(options: "RunOptions", waypoints: "Waypoints", console: "Console", *,
         raise ThumperError(
             f"goal not reached: {result.reason}", exit_code=EXIT_INTERRUPTED if result.interrupted else 1
         )
-    console.print(f"reached: {result.reason}")
+    console.print(result.reason)
     raise_if_interrupted(result)
 
 

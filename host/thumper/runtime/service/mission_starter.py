@@ -76,8 +76,10 @@ class MissionStarter:
             raise
         mission = self._end(number, result.reason, reached=result.reached)
         if mission is not None:
-            state = "reached" if result.reached else "ended" if result.interrupted else "not reached"
-            text = f"{mission.title} {state}: {mission.reason}"
+            ending = f"{'ended' if result.interrupted else 'not reached'}: {mission.reason}"
+            if result.reached:
+                ending = f"reached after {result.time_s:.1f} s"
+            text = f"{mission.title} {ending}"
             self._publisher.publish_event(text, INFO if result.reached or result.interrupted else WARN)
         return result
 
