@@ -431,6 +431,18 @@ def test_a_phone_hides_the_map_beside_panels_that_do_not_need_it(page: Page, rob
     assert robot.fault == 0
 
 
+def test_the_tabs_keep_their_place_on_a_phone(page: Page) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    tabs = page.locator(".tp-tabs")
+    place = tabs.bounding_box()
+    for tab in ("map", "gains", "tune", "sim", "log", "system", "drive"):
+        page.click(f".tp-tab-{tab}")
+        expect(page.locator(f".tp-tab-{tab}")).to_have_attribute("aria-selected", "true")
+        assert tabs.bounding_box() == place, tab
+        page.locator(".tp-main").evaluate("main => main.scrollTo(0, main.scrollHeight)")
+        assert tabs.bounding_box() == place, tab
+
+
 def test_a_phone_shows_a_low_map_above_the_lists_until_a_tool_needs_it(page: Page) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
     box = page.locator(".tp-mapbox")
