@@ -42,7 +42,7 @@ class FlashJob:
 def flash_board(job: FlashJob, *, tool: str, report: Callable[[str], None] = lambda _: None) -> None:
     """Write and verify the firmware; `tool` is avrdude, pio or auto.
 
-    `report` gets a line when it begins, and with avrdude one per 20 % written and verified.
+    `report` gets a line when it begins, then avrdude's progress per 20 %, or each line of PlatformIO.
 
     Raises
     ------
@@ -68,10 +68,8 @@ def flash_board(job: FlashJob, *, tool: str, report: Callable[[str], None] = lam
         command = [argument for argument in probe if argument != "-q"]  # quiet, avrdude shows no progress
         command += ["-U", f"flash:w:{job.hex_file}:i"]
     report(f"flashing {_short(job.hex_file)} to {job.port} at {job.upload_baud} baud")
-    if tool == "pio":
-        status, output = _run(command, FLASH_TIMEOUT_S)
-    else:
-        status, output = _write(command, FLASH_TIMEOUT_S, report)
+    progress = _last_line if tool == "pio" else _avrdude_progress
+    status, output = _write(command, FLASH_TIMEOUT_S, progress, report)
     if status != 0:
         raise _explain(job, tool, executable, output)
 
@@ -115,8 +113,10 @@ def _run(command: list[str], timeout_s: float) -> tuple[int, str]:
     return result.returncode, result.stdout + result.stderr
 
 
-def _write(command: list[str], timeout_s: float, report: Callable[[str], None]) -> tuple[int, str]:
-    """Run avrdude and report its progress, which it draws as 50 `#` for each of writing and verifying."""
+def _write(
+    command: list[str], timeout_s: float, progress: Callable[[str], str], report: Callable[[str], None]
+) -> tuple[int, str]:
+    """Run the tool, and report what `progress` finds in its output so far."""
     output = ""
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
@@ -127,10 +127,8 @@ def _write(command: list[str], timeout_s: float, report: Callable[[str], None]) 
         try:
             while letter := process.stdout.read(1):
                 output += letter
-                _, writing, after = output.partition("Writing | ")  # before it, some read a signature
-                length = len(output) - len(output.rstrip("#"))
-                if writing and length and length % 10 == 0:
-                    report(f"{'verifying' if 'Reading | ' in after else 'writing'}: {2 * length} %")
+                if line := progress(output):
+                    report(line)
         except BaseException:
             process.kill()
             raise
@@ -138,6 +136,20 @@ def _write(command: list[str], timeout_s: float, report: Callable[[str], None]) 
             expired = not timer.is_alive()
             timer.cancel()
     return (1, "timeout communicating with programmer") if expired else (process.returncode, output)
+
+
+def _avrdude_progress(output: str) -> str:
+    """Return the share at each fifth: avrdude draws 50 `#` for each of writing and verifying."""
+    _, writing, after = output.partition("Writing | ")  # before it, some read a signature
+    length = len(output) - len(output.rstrip("#"))
+    if not writing or length == 0 or length % 10 != 0:
+        return ""
+    return f"{'verifying' if 'Reading | ' in after else 'writing'}: {2 * length} %"
+
+
+def _last_line(output: str) -> str:
+    """Return the line that has just ended."""
+    return output[:-1].rpartition("\n")[2] if output.endswith("\n") else ""
 
 
 def _explain(job: FlashJob, tool: str, executable: str, output: str) -> ThumperError:

@@ -67,7 +67,7 @@ def flash(
         board=model.value,
         bootloader=bootloader.value,
     )
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False, soft_wrap=True)
     flash_board(job, tool=tool.value, report=console.print)
     console.print("written and verified")
     robot = Board.open(board, baud=baud)

@@ -96,12 +96,14 @@ def test_a_missing_port_file_or_tool_is_named(tmp_path: Path) -> None:
     assert "apt install avrdude" in one_line(no_tool)
 
 
-def test_platformio_uses_the_environment_of_board_and_boot_loader(tmp_path: Path) -> None:
+def test_platformio_uses_the_environment_of_board_and_boot_loader_and_shows_its_lines(tmp_path: Path) -> None:
     arguments = tmp_path / "arguments"
-    tools = tool(tmp_path, "pio", f'echo "$@" > {arguments}; exit 1')
-    one_line(
-        flash("--board", "/dev/null", "--tool", "pio", "--model", "nano", "--bootloader", "new", path=tools)
+    tools = tool(tmp_path, "pio", f'echo "$@" > {arguments}; echo "Building [new]"; echo Uploading; exit 1')
+    failed = flash(
+        *("--board", "/dev/null", "--tool", "pio", "--model", "nano", "--bootloader", "new"), path=tools
     )
+    one_line(failed)
+    assert failed.stdout.splitlines()[1:] == ["Building [new]", "Uploading"]
     assert "-e nano_new -t upload --upload-port /dev/null" in arguments.read_text()
 
 
