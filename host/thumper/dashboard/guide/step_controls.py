@@ -35,7 +35,7 @@ TITLES = {
 }
 LANE_M = 1.2
 BOARDS = {"trex": "T'REX", "nano": "Nano or Uno"}
-BOOTLOADERS = {"old": "old: 57600 baud", "new": "new: 115200 baud"}
+BOOTLOADERS = {"old": "old (T'REX, most Nanos)", "new": "new (Uno, Nanos since 2018)"}
 
 
 class StepControls:
@@ -69,7 +69,10 @@ class StepControls:
         self._lidar = next((port.device for port in ports if port.is_lidar), "")
         self._board = next((port.device for port in ports if port.device != self._lidar), "")
         if ports:
-            _text("Plug in the board and the lidar. Then check which port is which.")
+            _text(
+                "Which port is the board, and which the lidar? If in doubt, unplug one and press Search "
+                "again: its port is gone."
+            )
             self._select("Board", "_board", devices)
             self._select("Lidar", "_lidar", devices)
             self._select("Lidar model", "_model", {name: name for name in get_args(LidarModel)})
@@ -101,11 +104,11 @@ class StepControls:
         return self._guide.ports is not None and self._guide.ports.simulated
 
     def _flash(self) -> None:
-        _text("Write the firmware through the board's boot loader.")
+        _text("Flash writes Thumper's program to the board, and then asks the board for its version.")
         if self._guide.ports is not None and not self._is_simulated:
             _text(
-                "If a wheel turns when you switch on the battery, switch it off: the outputs are wired "
-                "wrongly, or an old program drives them."
+                "Block the chassis up first: no wheel may touch anything. Switch on the battery. If a wheel "
+                "turns, switch it off: the motors are wired wrongly, or an old program drives them."
             )
             self._select("Board", "_kind", BOARDS)
             self._select("Boot loader", "_bootloader", BOOTLOADERS)
@@ -115,9 +118,9 @@ class StepControls:
 
     def _check(self) -> None:
         if not self._is_simulated:
-            _text("Put the chassis on a block: wheels off the ground, and a hand on the switch.")
+            _text("Keep the chassis on the block, wheels in the air, and a hand on the battery's switch.")
         watched = "the charts" if self._is_simulated else "the wheels and the charts"
-        _text(f"Each side turns alone for a second. Watch {watched}: each must turn forward.")
+        _text(f"Each side turns alone for a second. Watch {watched}: each side must turn forward.")
         if self.confirming:
             self._confirm("Are all wheels off the ground?", "Yes, turn the wheels", self._guide.check)
             return
@@ -136,7 +139,7 @@ class StepControls:
             _text("The simulator puts the robot on the floor of its world.")
         else:
             _text(f"Put the robot on the floor, with {LANE_M:g} m of free space ahead of it and behind it.")
-        _text("The first start compiles for up to two minutes.")
+        _text("The first start takes up to two minutes, because it compiles.")
         with box("tp-buttons"):
             self._button("Start the robot", self._guide.start)
 
@@ -166,13 +169,19 @@ class StepControls:
             self._next()
 
     def _drive(self) -> None:
-        _text("Arm, then hold the joystick: up drives ahead. Release it: the robot stops. Drive 0.3 m.")
+        _text(
+            "Press Arm, then drag the joystick up and hold it: the robot drives ahead. Release it: the robot "
+            "stops. The step is done after 0.3 m."
+        )
         with box("tp-buttons"):
             self._arm(main=not self._has_passed)
             self._next()
 
     def _map(self) -> None:
-        _text("Explore: the robot maps the room from frontier to frontier at 0.2 m/s, and returns.")
+        _text(
+            "Press Explore: the robot drives to the edges of its map, at 0.2 m/s, until the room is "
+            "complete, and returns."
+        )
         beside = "" if self._is_simulated else "Stay beside it. "
         _text(f"{beside}Or press Arm and drive it with the joystick.")
         if self._guide.is_moving:
@@ -186,8 +195,8 @@ class StepControls:
 
     def _goal(self) -> None:
         _text(
-            "Press on the map at a free place, drag to set the heading. The flag is chosen; for another "
-            "goal, choose it again."
+            "Press on the map at a free place, and drag in the direction that the robot should face. "
+            "Release: the robot drives there. For another goal, choose the flag again."
         )
         with box("tp-buttons"):
             self._next()
