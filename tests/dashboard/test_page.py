@@ -9,7 +9,7 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Browser, Page, expect
 
-from tests.page_checks import POOR
+from tests.page_checks import DESK, PHONE, POOR, TABLET
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
 from thumper.dashboard.page import page_title
@@ -127,8 +127,8 @@ def test_fault_is_shown_with_its_fix(page: Page, robot: FakeRobot) -> None:
 
 def test_empty_log_says_so(page: Page) -> None:
     page.click(".tp-tab-log")
-    page.locator(".tp-log").evaluate("log => log.replaceChildren()")  # events of other tests
-    text = "getComputedStyle(document.querySelector('.tp-log'), '::before').content"
+    page.locator(".q-tab-panel > .tp-log").evaluate("log => log.replaceChildren()")  # events of other tests
+    text = "getComputedStyle(document.querySelector('.q-tab-panel > .tp-log'), '::before').content"
     page.wait_for_function(f"{text} === '\"No events yet.\"'")
 
 
@@ -138,7 +138,20 @@ def test_log_has_lines_from_before_its_tab_opened(page: Page, robot: FakeRobot) 
     robot.fault = Fault.STALL_LEFT
     expect(page.locator(".tp-fault-words")).to_have_text("stall left")
     page.click(".tp-tab-log")
-    expect(page.locator(".tp-logline", has_text="a wheel slips")).to_be_visible()
+    expect(page.locator(".tp-logline:visible", has_text="a wheel slips")).to_be_visible()
+
+
+def test_the_drive_tab_shows_as_many_new_events_as_there_is_room_for(page: Page, robot: FakeRobot) -> None:
+    newest = page.locator(".tp-newest .tp-logline")
+    for number in range(25):
+        robot.event(f"event {number}")
+        expect(newest.first).to_contain_text(f"event {number}")  # the bus drops what comes at once
+    expect(newest.first).to_be_in_viewport(ratio=1.0)
+    expect(newest.nth(8)).to_be_in_viewport(ratio=1.0)
+    expect(newest.nth(24)).not_to_be_in_viewport()
+    assert page.locator(".tp-panels").evaluate("one => one.scrollHeight <= one.clientHeight")
+    page.set_viewport_size(PHONE)  # the tab Log shows them
+    expect(page.locator(".tp-newest")).to_be_hidden()
 
 
 def test_slow_page_shows_no_log_line_twice(browser: Browser, server: Server, robot: FakeRobot) -> None:
@@ -155,7 +168,7 @@ def test_slow_page_shows_no_log_line_twice(browser: Browser, server: Server, rob
     };""")
     open_page(page, server)
     page.click(".tp-tab-log")
-    line = page.locator(".tp-logline", has_text="a wheel slips again")
+    line = page.locator(".tp-logline:visible", has_text="a wheel slips again")
     expect(line).to_have_count(1)
     page.evaluate("fallBehind()")
     expect(line).to_have_count(1)

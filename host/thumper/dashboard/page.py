@@ -218,6 +218,9 @@ def _drive_panel() -> None:
         "</details>",
         sanitize=False,
     ).classes("tp-hint")
+    with box("tp-newest"):
+        inline("<h2>Newest events</h2>")
+        Widget("log").classes("tp-log")
 
 
 def _readouts(heading: str, readouts: Sequence[tuple[str, str, str]]) -> None:

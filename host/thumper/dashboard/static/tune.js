@@ -28,7 +28,7 @@ export function tune(root) {
     </div>
     <p class="tp-hint">Tuning takes about ${TAKES_S.tune} s, identifying the motors about ${TAKES_S.identify} s.</p>
     <p class="tp-hint" data-tune="why" hidden></p>
-    <div class="tp-progress"><div></div></div>
+    <div class="tp-progress" hidden><div></div></div>
     <p class="tp-message" role="status"></p>
     <div class="tp-lines"></div>
     <a href="/report" target="_blank" hidden>Open the report in a new tab</a>
@@ -36,7 +36,7 @@ export function tune(root) {
   const find = (name) => root.querySelector(`[data-tune=${name}]`);
   const laneClear = find("clear");
   const laneLength = root.querySelector(".tp-lane");
-  const progressBar = root.querySelector(".tp-progress div");
+  const progress = root.querySelector(".tp-progress");
   const message = root.querySelector(".tp-message");
   const resultLines = root.querySelector(".tp-lines");
   const reportLink = root.querySelector("a");
@@ -78,7 +78,8 @@ export function tune(root) {
     if (running && !state?.running) laneClear.checked = false; // confirm again before the next experiment
     running = state?.running ?? "";
     updateButtons();
-    progressBar.style.width = `${100 * (running ? state.share : 0)}%`;
+    progress.hidden = !running;
+    progress.firstChild.style.width = `${100 * (running ? state.share : 0)}%`;
     message.classList.toggle("bad", Boolean(state?.problem));
     message.textContent = running
       ? [progressText(state), state.what].filter(Boolean).join(": ")
