@@ -9,7 +9,7 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Browser, Page, expect
 
-from tests.page_checks import DESK, PHONE, POOR, TABLET
+from tests.page_checks import PHONE, POOR
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
 from thumper.dashboard.page import page_title
@@ -354,6 +354,29 @@ def test_real_robot_has_its_banner(page: Page, robot: FakeRobot) -> None:
         expect(page.locator(".tp-tab-sim")).to_be_hidden()
     finally:
         robot.simulated = True
+
+
+LANE = """() => {
+  const { context } = document.querySelector('.tp-map').mapView;
+  const drawn = [];
+  context.strokeRect = (x, y, width, height) => drawn.push([width, height]);
+  document.querySelector('.tp-map').mapView.draw();
+  delete context.strokeRect;
+  const { scale } = document.querySelector('.tp-map').mapView.camera;
+  return drawn.map((size) => size.map((pixels) => Math.round(100 * pixels / scale) / 100));
+}"""
+
+
+def test_the_map_shows_the_lane_that_tuning_needs(page: Page) -> None:
+    assert page.evaluate(LANE) == []
+    page.click(".tp-tab-tune")
+    expect(page.locator(".tp-lane")).to_be_visible()
+    assert page.evaluate(LANE) == [[2.4, 0.8]]
+    page.fill(".tp-lane", "0.8")
+    assert page.evaluate(LANE) == [[1.6, 0.8]]
+    page.click(".tp-tab-drive")
+    expect(page.locator(".tp-lane")).to_be_hidden()
+    assert page.evaluate(LANE) == []
 
 
 def test_stop_removes_the_plan(page: Page, robot: FakeRobot) -> None:

@@ -147,7 +147,7 @@ class StepControls:
         _text(
             "The robot drives back and forth on its own, measures both motors and sets matching gains. That "
             "takes about 90 s. STOP or leaving this page ends it."
-        )
+        ).props(f"data-lane={LANE_M:g}")  # the map draws it
         if self._guide.is_tuned:
             with box("tp-buttons"):
                 self._button("Keep the gains", self._guide.keep_gains)
@@ -305,5 +305,5 @@ class StepControls:
         )
 
 
-def _text(text: str) -> None:
-    ui.label(text).classes("tg-text")
+def _text(text: str) -> ui.label:
+    return ui.label(text).classes("tg-text")

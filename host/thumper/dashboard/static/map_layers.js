@@ -16,6 +16,8 @@ export const LAYERS = [
   ["footprint", "Robot", "robot-edge"],
 ];
 
+const LANE_WIDTH_M = 0.8;
+
 export function drawGrid(context, camera, { canvas, info }) {
   const [x, y] = info.origin;
   const [px, py] = camera.toScreen(x, y);
@@ -130,6 +132,19 @@ export function drawRobot(context, camera, [x, y, theta], footprint) {
   context.closePath();
   context.fillStyle = colour("robot-nose");
   context.fill();
+  context.restore();
+}
+
+// The floor that tuning needs: `length_m` ahead of the robot at a pose, and as much behind.
+export function drawLane(context, camera, [x, y, theta], length_m) {
+  context.save();
+  context.translate(...camera.toScreen(x, y));
+  context.rotate(-theta);
+  context.strokeStyle = colour("warn");
+  context.lineWidth = 2;
+  context.setLineDash([8, 5]);
+  const [half, side] = [length_m, LANE_WIDTH_M / 2].map((metres) => metres * camera.scale);
+  context.strokeRect(-half, -side, 2 * half, 2 * side);
   context.restore();
 }
 

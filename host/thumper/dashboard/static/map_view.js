@@ -6,6 +6,7 @@ import { Camera } from "./map_camera.js";
 import * as layers from "./map_layers.js";
 import { MapTools } from "./map_tools.js";
 import { on, state } from "./stream.js";
+import { laneLength } from "./tune.js";
 
 const TRAIL_STEP_M = 0.03;
 const JUMP_M = 0.5; // between two poses: the estimate has jumped, the robot has not driven there
@@ -164,6 +165,9 @@ class MapView {
       if (visible.plan) layers.drawLine(context, camera, data.plan, "plan", 3);
       if (visible.local_plan) layers.drawLine(context, camera, data.local_plan, "local-plan", 3);
     }
+    const lane_m = laneLength();
+    if (!state.values.experiment?.running) this.laneStart = this.pose; // it stays there while the robot drives in it
+    if (lane_m && this.laneStart && !state.playback) layers.drawLane(context, camera, this.laneStart, lane_m);
     if (visible.footprint && this.pose) {
       context.globalAlpha = status?.pose_lost ? LOST_OPACITY : 1;
       layers.drawRobot(context, camera, this.pose, this.footprint);

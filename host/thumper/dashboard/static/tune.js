@@ -14,11 +14,17 @@ function progressText({ running, share }) {
   return `${Math.round(100 * share)} %${left_s ? `, about ${left_s} s left` : ""}`;
 }
 
+// Length of the lane [m] that the open page or step asks for; 0 if it asks for none.
+export function laneLength() {
+  const lane = [...document.querySelectorAll("[data-lane]")].find((one) => one.offsetParent);
+  return Number(lane?.value ?? lane?.dataset.lane ?? 0);
+}
+
 export function tune(root) {
   root.innerHTML = `
     <p>The robot drives back and forth on its own. It needs a clear lane, 0.8 m wide and equally long ahead
       of it and behind it. To stop it, press ${HAS_KEYBOARD ? "Space" : "STOP"} or Cancel, or leave this page.</p>
-    <label class="tp-check">Lane <input class="tp-lane" type="number" min="0.6" max="10" step="0.1" value="1.2">
+    <label class="tp-check">Lane <input class="tp-lane" data-lane type="number" min="0.6" max="10" step="0.1" value="1.2">
       m ahead and behind</label>
     <label class="tp-check"><input type="checkbox" data-tune="clear"> The lane is clear</label>
     <div class="tp-buttons">
