@@ -9,7 +9,7 @@ from benchmarks.shared.fake_robot import FakeRobot
 from benchmarks.shared.live import until
 from playwright.sync_api import Browser, Page, expect
 
-from tests.page_checks import PHONE, POOR
+from tests.page_checks import DESK, PHONE, POOR, TABLET
 from thumper.board.messages import Fault, State
 from thumper.common.geometry import Pose2
 from thumper.dashboard.page import page_title
@@ -377,6 +377,19 @@ def test_the_map_shows_the_lane_that_tuning_needs(page: Page) -> None:
     page.click(".tp-tab-drive")
     expect(page.locator(".tp-lane")).to_be_hidden()
     assert page.evaluate(LANE) == []
+
+
+def test_the_goal_tool_says_that_it_arms_the_motors(page: Page, robot: FakeRobot) -> None:
+    goal, hint = page.locator("[data-tool=goal]"), page.locator(".tp-toolname")
+    goal.click()
+    expect(hint).to_be_hidden()  # the motors are on
+    expect(goal).not_to_have_attribute("title", re.compile("arms"))
+    robot.state = State.DISARMED
+    for size in (DESK, TABLET, PHONE):
+        page.set_viewport_size(size)
+        expect(hint).to_be_visible()
+        expect(hint).to_have_text("Goal: this arms the motors")
+    expect(goal).to_have_attribute("title", re.compile("set the heading; this arms the motors"))
 
 
 def test_stop_removes_the_plan(page: Page, robot: FakeRobot) -> None:

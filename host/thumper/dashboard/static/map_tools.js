@@ -6,7 +6,7 @@ import { colour } from "./colours.js";
 import { isTyping, onCancel } from "./commands.js";
 import { drawArrow, drawCrosshair, LAYERS } from "./map_layers.js";
 import { fixed } from "./numbers.js";
-import { send, state } from "./stream.js";
+import { on, send, state } from "./stream.js";
 
 const MIN_HEADING_DRAG_PX = 12; // a shorter drag sets no heading
 export const TOOLS = {
@@ -39,6 +39,7 @@ export const TOOLS = {
   },
 };
 const OBSTACLE_RADIUS_M = 0.15;
+const ARMING = ["goal", "waypoints"];
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 export class MapTools {
@@ -51,6 +52,7 @@ export class MapTools {
     this.pointers = new Map();
     this.addToolbar(root);
     onCancel(() => this.cancel());
+    on("packet", () => this.nameTools());
     const canvas = view.canvas;
     canvas.addEventListener("pointerdown", (event) => this.onPointerDown(event));
     canvas.addEventListener("pointermove", (event) => this.onPointerMove(event));
@@ -161,10 +163,25 @@ export class MapTools {
     const name = state.playback ? "pan" : wanted; // no goal on the map of a recording
     this.tool = name;
     for (const [key, button] of Object.entries(this.buttons)) button.classList.toggle("on", key === name);
-    this.toolName.textContent = name === "pan" ? "" : TOOLS[name].label;
+    this.nameTools();
     this.view.canvas.style.cursor = name === "pan" ? "grab" : "crosshair";
     this.setWaypoints(name === "waypoints" ? this.waypoints : []);
     this.annotationBar.update();
+  }
+
+  // Name the tool in use, and say of those that arm the motors that they do.
+  nameTools() {
+    const isDisarmed = document.body.dataset.board === "disarmed";
+    for (const name of ARMING) {
+      const { title, key } = TOOLS[name];
+      const hint = `${title}${isDisarmed ? "; this arms the motors" : ""} (${key.toUpperCase()})`;
+      if (this.buttons[name].title !== hint) this.buttons[name].title = this.buttons[name].ariaLabel = hint;
+    }
+    const isArming = isDisarmed && this.tool === "goal";
+    const { label = "" } = this.tool === "pan" ? {} : TOOLS[this.tool] ?? {}; // not of a box on a saved map
+    const text = isArming ? "Goal: this arms the motors" : label;
+    if (this.toolName.textContent !== text) this.toolName.textContent = text;
+    this.toolName.classList.toggle("tp-arming", isArming);
   }
 
   // Choose boxes on a saved map: `onBox` gets their corners, x, y, x, y [m].
@@ -173,7 +190,7 @@ export class MapTools {
     this.corner = null;
     this.tool = "box";
     this.buttons.pan.classList.remove("on");
-    this.toolName.textContent = "";
+    this.nameTools();
     this.view.canvas.style.cursor = "crosshair";
   }
 
