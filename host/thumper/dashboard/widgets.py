@@ -43,7 +43,7 @@ def begin_page(*sheets: str) -> ui.dark_mode:
 
     It shows at once that the page loads; `static/index.js` removes that.
     """
-    ui.colors(primary="#2f81f7", negative=RED, positive=GREEN, dark="#18222d", dark_page="#0f1720")
+    ui.colors(primary="var(--tp-accent)", negative=RED, positive=GREEN, dark="#18222d", dark_page="#0f1720")
     ui.add_body_html(LOADING)
     ui.add_head_html(PRELOAD % json.dumps(sorted(path.name for path in STATIC.glob("*.js"))))
     for sheet in sheets:
