@@ -197,7 +197,9 @@ def read_rows() -> dict[str, list[str]]:
 
 def area_page(title: str, names: tuple[str, ...], rows: dict[str, list[str]]) -> str:
     """Return the page of an area: one section per benchmark, with its commands and its rows."""
-    text = f"{MARK}\n# {title}: raw rows\n\n{machine()} [Overview](../benchmarks.md) explains the columns.\n"
+    text = (
+        f"{MARK}\n# {title}: all figures\n\n{machine()} [Overview](../benchmarks.md) explains the columns.\n"
+    )
     for name in names:
         commands = [f"python benchmarks/{name}.py {options}".strip() for options in BENCHMARKS[name]]
         text += f"\n## {name}\n\n```sh\n" + "\n".join(commands) + f"\n```\n\n{HEAD}"
@@ -212,7 +214,7 @@ def overview(rows: dict[str, list[str]]) -> str:
     for name, what in HEADLINES:
         link = f"[{name}](benchmarks/{pages[name]}.md#{name}): "
         lines += [f"| {link}{row[2:]}" for row in rows[name] if row.startswith(f"| {what} |")][:1]
-    lines += ["", "## All rows", "", "| page | benchmarks | rows |", "|---|---|---|"]
+    lines += ["", "## All figures", "", "| page | benchmarks | rows |", "|---|---|---|"]
     for area, (title, names) in AREAS.items():
         listed = ", ".join(f"[{name}](benchmarks/{area}.md#{name})" for name in names)
         lines.append(

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 SITE = sorted((ROOT / "docs").rglob("*.md"))
 PAGES = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")), *SITE]
 
-OF_A_GROUP = {"results": "(, measured)?", "benchmarks": ": raw rows"}
+OF_A_GROUP = {"results": "(, measured)?", "benchmarks": ": all figures"}
 """What the heading of a page may have and its entry has not: the menu shows the group's title above it."""
 
 

@@ -62,5 +62,5 @@ def test_navigation() -> None:
     page = (README.parent / "docs/results/navigation.md").read_text("utf-8")
     (row,) = [line for line in page.splitlines() if line.startswith("| share of a core in BARN's worlds")]
     for program, cell in zip(("Thumper", "ROS 1 move_base"), row.split("|")[2:4], strict=True):
-        least, greatest = (100 * share for share in table.numbers(cell))
-        assert comparison(program, "navigation") == [f"{least:.2g} … {greatest:.2g} %"]
+        least, greatest = table.numbers(cell)
+        assert comparison(program, "navigation") == [f"{least:g} … {greatest:g} %"]
