@@ -28,7 +28,7 @@ READOUTS = (
     ("lidar_scans", "Scans", "scans since the start"),
     ("lidar_errors", "Scan errors", "lidar replies with a wrong checksum"),
     ("lidar_restarts", "Lidar restarts", "how often the lidar was restarted"),
-    ("counts", "Encoders", "counts since the board's reset"),
+    ("counts", "Encoders left, right", "counts since the board's reset"),
     ("rtt", "Page to server", "round-trip time of this page's heartbeat"),
     ("pages", "Open pages", "pages connected now"),
     ("operator", "Operator", "page that controls the robot; tuning stops if its heartbeats end"),
