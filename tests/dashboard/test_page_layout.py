@@ -324,7 +324,7 @@ def test_low_screen_shows_everything(page: Page, robot: FakeRobot) -> None:
 
 
 def test_the_tools_take_one_column_and_the_map_most_of_the_height(page: Page) -> None:
-    for width_px, height_px in ((1440, 900), (1024, 768)):
+    for width_px, height_px in ((1440, 900), (1024, 768), (1100, 760)):
         page.set_viewport_size({"width": width_px, "height": height_px})
         lefts_px = page.locator(".tp-toolbar button:visible").evaluate_all(
             "all => all.map((one) => one.getBoundingClientRect().left)"
