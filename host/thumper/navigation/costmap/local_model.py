@@ -15,6 +15,7 @@ from thumper.maps.occupancy_grid import UNKNOWN, OccupancyGrid
 from thumper.navigation.costmap.bands import build_band
 from thumper.navigation.costmap.costmap import Costmap, CostmapOptions, build_window, window_of
 from thumper.navigation.costmap.filters import Masks
+from thumper.navigation.costmap.glass import Glass
 from thumper.navigation.costmap.layers import CostmapLayers
 from thumper.navigation.costmap.local_frame import LocalFrame
 from thumper.navigation.costmap.obstacle_memory import ObstacleMemory, ObstacleMemoryOptions
@@ -85,6 +86,7 @@ class LocalModel:
         self._control_memory = remembered(radius_m=memory.radius_m)
         self._planning_memory = remembered(radius_m=memory.planning_radius_m)
         self._unseen = UnseenGround(footprint, view)
+        self._glass = Glass(view, footprint, memory.planning_radius_m)
         self._costs_s = -math.inf  # when `costmap` was computed
         self._frame = LocalFrame()
         self.map_from_local = Pose2()  # of the frame in which what is remembered rests
@@ -109,8 +111,9 @@ class LocalModel:
         self._follow_map(cycle)
         time_s, base, scan_pose = cycle.time_s, cycle.map_from_base, cycle.scan_pose
         self._see(cycle)
+        self._glass.update(time_s, scan_pose, self.hits_m)
         near_m = self._control_memory.update(time_s, base, self.hits_m, scan_pose)
-        seen_m = np.vstack((self.hits_m, near_m))
+        seen_m = np.vstack((self.hits_m, self._glass.points_m, near_m))
 
         window = window_of(cycle.grid, base, self._options)
         if cycle.lost:  # what the map shows is somewhere else
@@ -119,7 +122,9 @@ class LocalModel:
         error_m = self._control_memory.position_error_m
         self.obstacles = ObstaclePoints(
             points_m=np.vstack((seen_m, unseen_m)),
-            position_error_m=np.concatenate((np.zeros(len(self.hits_m)), error_m, np.zeros(len(unseen_m)))),
+            position_error_m=np.concatenate(
+                (np.zeros(len(seen_m) - len(near_m)), error_m, np.zeros(len(unseen_m)))
+            ),
             seen=len(seen_m),
         )
         return window, unseen_m
@@ -138,7 +143,7 @@ class LocalModel:
         self.local_costmap = self._window_costs(window, still_m, closed_m)
         self.pose_costmap = self._window_costs(window, still_m, NOTHING) if len(unseen_m) else None
         self._window, self._fine = (window, still_m), None
-        far_m = np.vstack((self.hits_m, self._far_hits(cycle)))
+        far_m = np.vstack((self.hits_m, self._glass.points_m, self._far_hits(cycle)))
         self.costmap = self._layers.update(cycle.grid, far_m[~self.are_walking(far_m)])
         self._costs_s = cycle.time_s
         return self.costmap
@@ -192,10 +197,11 @@ class LocalModel:
         """Forget the remembered points further than this from the robot."""
         self._control_memory.forget_beyond(map_from_base, radius_m)
         self._planning_memory.forget_beyond(map_from_base, radius_m)
+        self._glass.forget_beyond(map_from_base, radius_m)
 
     def _follow_map(self, cycle: CycleInput) -> None:
         """Let all that is remembered keep its place relative to the robot when the map corrects the pose."""
         new_from_old = self._frame.update(cycle.map_from_base, cycle.map_from_odom)
         self.map_from_local = new_from_old @ self.map_from_local
-        for remembered in (self._control_memory, self._planning_memory, self._unseen):
+        for remembered in (self._control_memory, self._planning_memory, self._unseen, self._glass):
             remembered.move(new_from_old)
