@@ -1,13 +1,15 @@
 """SLAM in closed loop: a simulated robot drives tours with its own map; pose and wall errors.
 
 Run: python benchmarks/slam_closed_loop.py [--seeds N] [--place NAME ...] [--method METHOD] [--track M]
-                                           [--slip SHARE] [--preset hard]
+                                           [--slip SHARE] [--preset hard] [--without EFFECT ...]
+                                           [--beam-std M]
 
 The whole host software drives the firmware on the simulated chip. The wheels differ from the configured
 geometry, and they slip and drift. The odometry error is that of experiment 1 of the thesis: like the thesis
 it uses the track between the wheels (0.245 m), although a skid-steered base turns as if the track were wider.
 The wheel speed error follows the thesis's definition. With `--slip` the left wheels lose that share of their
-travel on the second leg.
+travel on the second leg. `--without 'mount.*'` sets the effects whose names match to their values in nominal;
+`hil/thumper_hil/effects/hard.toml` has the names.
 """
 
 import argparse
@@ -15,7 +17,10 @@ import itertools
 import math
 import sys
 import tempfile
+from dataclasses import fields, replace
+from fnmatch import fnmatch
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
@@ -26,8 +31,9 @@ from benchmarks.slam_truth import wall_figures
 
 from thumper import Robot
 from thumper.common.geometry import FloatArray, Pose2
+from thumper.slam.scan_matching.gauss_newton import MatchOptions
 from thumper_hil.bench.registry import simulation
-from thumper_hil.effects.preset import PRESETS
+from thumper_hil.effects.preset import PRESETS, Preset, load_preset
 from thumper_hil.world.world import World
 
 GEOMETRIC_TRACK_M, RADIUS_M = 0.245, 0.062  # the thesis's
@@ -72,6 +78,20 @@ PLACES: dict[str, tuple[list[Points], Points]] = {
 }
 
 
+def preset_without(name: str, effects: list[str]) -> Preset:
+    """Return a preset with the values of `nominal` for the effects that match, such as `mount.*`."""
+    preset, nominal = load_preset(name), load_preset("nominal")
+    for part in fields(preset):
+        mild = getattr(nominal, part.name)
+        off = {
+            field.name: getattr(mild, field.name)
+            for field in fields(mild)
+            if any(fnmatch(f"{part.name}.{field.name}", effect) for effect in effects)
+        }
+        preset = replace(preset, **{part.name: replace(getattr(preset, part.name), **off)})
+    return preset
+
+
 def world_toml(walls: list[Points]) -> str:
     """Return the walls as a world file."""
     return "".join(f"[[wall]]\nclosed = true\npoints_m = {[list(p) for p in wall]}\n" for wall in walls)
@@ -111,7 +131,10 @@ def run(place: str, seed: int, arguments: argparse.Namespace, folder: Path) -> s
     path, config = folder / f"{place}.toml", folder / "robot.toml"
     path.write_text(world_toml(walls))
     track_m, method = arguments.track, arguments.method
-    config.write_text(f'[drive]\ntrack_m = {track_m}\n[mapping]\nmethod = "{method}"\n')
+    config.write_text(
+        f'[drive]\ntrack_m = {track_m}\n[mapping]\nmethod = "{method}"\n'
+        f"[mapping.matching]\nbeam_std_m = {arguments.beam_std}\n"
+    )
     name, start = f"{place}{seed}", Pose2(x_m=tour[0][0], y_m=tour[0][1])
     board = f"sim://{name}/board?world={path}&x_m={start.x_m}&y_m={start.y_m}&seed={seed}&preset={arguments.preset}"
     with Robot(board, lidar=f"sim://{name}/lidar", config=config, start=start) as robot:
@@ -153,12 +176,26 @@ def main() -> None:
     parser.add_argument(
         "--slip", type=float, default=0.0, help="share of the left wheels' travel that is lost, 0...1"
     )
+    parser.add_argument(
+        "--without",
+        nargs="+",
+        default=[],
+        metavar="EFFECT",
+        help="give these effects of the preset the values of nominal, e.g. 'mount.*' body.floor",
+    )
+    parser.add_argument(
+        "--beam-std", type=float, default=MatchOptions().beam_std_m, help="beam_std_m of the scan match, m"
+    )
     arguments = parser.parse_args()
     print(
         "place | seed | goals reached | path, m | pose error, m, RMSE / max | IoU | offset, m | "
         "odometry error, m | wheel speed error, rad/s, left and right, mean / std"
     )
-    with tempfile.TemporaryDirectory() as folder:
+    preset = preset_without(arguments.preset, arguments.without)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        patch("thumper_hil.bench.bench.load_preset", lambda _: preset),
+    ):
         for place, seed in itertools.product(arguments.place, range(1, arguments.seeds + 1)):
             print(run(place, seed, arguments, Path(folder)), flush=True)
 
