@@ -7,6 +7,8 @@ import argparse
 import itertools
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -25,7 +27,10 @@ from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray
 from thumper_hil.bench import simulation
 from thumper_hil.chip.robot_params import RobotParams
+from thumper_hil.effects.preset import PRESETS
+from thumper_tuning.design.fixed_point import PARAMETER_SPECS, BoardGains
 from thumper_tuning.design.gains import RULE_NAMES, Design, DesignOptions, design, nominal_model
+from thumper_tuning.design.tuning_rules import PiGains
 from thumper_tuning.drive.excitation import ExcitationOptions
 from thumper_tuning.drive.record import record
 from thumper_tuning.drive.verify import Verification, VerifyOptions, verify
@@ -45,6 +50,8 @@ SEEDS = 20
 LEAST_PERIOD_S = 0.02  # of the rows for the other methods
 LEAST_MOTION = 0.2  # of the most moving run: less says nothing of a model
 EMPTY = 0.05  # charge: 6.7 V open-circuit, the lowest that does not stop under load
+OTHER_PAIRS = (PiGains(kp=11.6, ki=8.0), PiGains(kp=4.8, ki=7.9))  # more kp; MIGO 1.4
+PAIR_SEEDS = range(1, 6)
 EXACT = Uncertainty(
     gain=0.0, time_constant_s=0.0, friction=0.0, delay_s=0.0, friction_forward=0.0, friction_backward=0.0
 )
@@ -307,20 +314,10 @@ def tracking() -> None:
     worst: dict[float, tuple[float, float]] = {}
     conditions = itertools.product((usual, EMPTY, 1.0), (1.0, 0.36, 2.0), (1.0, 0.5, 2.0))
     for charge, inertia, friction in conditions:
-        name = f"v{charge:.3f}_{inertia}_{friction}"
-        url = f"sim://{name}/board?world=hall&x_m=-4&charge={max(charge, usual)}"
-        with patch.object(RobotParams, "load", return_value=_varied(whole, inertia, friction)):
-            board = Board.open(url, baud=500_000)
-        try:
-            board.poll(3.0)  # the board arms only after it has seen more than 7.0 V
-            simulation(name).fault("battery.charge", charge)
+        with _robot(whole, charge, inertia, friction) as board:
             if gains is None:
                 gains = _designed_on(board)
-            with TemporaryDirectory() as folder:  # a log is moved into place: never to /dev/null
-                log = Path(folder) / "log.csv"
-                result = verify(board, gains.gains, VerifyOptions(hold_s=8.0), log, _silent)
-        finally:
-            board.close()
+            result = _verified(board, gains.gains, hold_s=8.0)
         _show(f"{_open_circuit_V(whole, charge):.1f} V inertia x{inertia} friction x{friction}", result)
         for t in result.tracking:
             std, mean = worst.get(t.acceleration_rad_s2, (0.0, 0.0))
@@ -330,6 +327,65 @@ def tracking() -> None:
         figure(f"wheel speed error on 27 robots at {ramp:g} rad/s^2, worst: mean / std",
                f"{mean:.3f} / {std:.3f}", "rad/s", aim="<= 0.04 / <= 0.30",
                peers="-0.04 / 0.31", source="thesis, experiment 8.2")  # fmt: skip
+
+
+def pairs() -> None:
+    """Print how the default kp, ki and two other pairs track on loaded robots, with one feed-forward.
+
+    Five robots per preset. Each is tuned, then driven with twice the friction, other inertia and charge.
+    """
+    whole = RobotParams.load()
+    usual = whole.battery.state_of_charge
+    loads = tuple(itertools.product((usual, EMPTY, 1.0), (0.36, 2.0), (2.0,)))
+    default = PiGains(kp=PARAMETER_SPECS["kp"].default, ki=PARAMETER_SPECS["ki"].default)
+    print("preset, kp, ki: worst Ms, worst Ms of the plant family, longest settling of PI alone [s]; "
+          "std at 4 and 8 rad/s^2, mean and worst robot; largest mean at each")  # fmt: skip
+    for preset in PRESETS:
+        models = []
+        for seed in PAIR_SEEDS:
+            with _robot(whole, usual, 1.0, 1.0, preset, seed) as board:
+                models.append(_designed_on(board))
+        for pair in (default, *OTHER_PAIRS):
+            designs = [design(one.model, one.uncertainty, DesignOptions(manual=pair)) for one in models]
+            errors = []
+            for (seed, tuned), load in itertools.product(zip(PAIR_SEEDS, designs, strict=True), loads):
+                with _robot(whole, *load, preset, seed) as board:
+                    result = _verified(board, tuned.gains, hold_s=3.0)
+                errors.append([(abs(t.mean_rad_s), t.std_rad_s) for t in result.tracking])
+            means, stds = np.moveaxis(np.array(errors), 2, 0)
+            print(f"  {preset:8} {pair.kp:5.1f} {pair.ki:5.1f} "
+                  f"{max(d.margins.max_sensitivity for d in designs):6.2f} "
+                  f"{max(d.worst_case.max_sensitivity for d in designs):5.2f} "
+                  f"{max(d.step_info.settling_time_s for d in designs):5.1f}   "
+                  f"{_two(stds.mean(axis=0))}  {_two(stds.max(axis=0))}  {_two(means.max(axis=0))}",
+                  flush=True)  # fmt: skip
+
+
+def _two(values: FloatArray) -> str:
+    return ", ".join(f"{value:.3f}" for value in values)
+
+
+@contextmanager
+def _robot(
+    whole: RobotParams, charge: float, inertia: float, friction: float, preset: str = "nominal", seed: int = 1
+) -> Iterator[Board]:
+    """Open a simulated robot; it arms only above 7.0 V, so a lower charge is set once it has seen that."""
+    name = f"{preset}{seed}_v{charge:.3f}_{inertia}_{friction}"
+    armable = max(charge, whole.battery.state_of_charge)
+    url = f"sim://{name}/board?world=hall&x_m=-4&charge={armable}&preset={preset}&seed={seed}"
+    with patch.object(RobotParams, "load", return_value=_varied(whole, inertia, friction)):
+        board = Board.open(url, baud=500_000)
+    try:
+        board.poll(3.0)
+        simulation(name).fault("battery.charge", charge)
+        yield board
+    finally:
+        board.close()
+
+
+def _verified(board: Board, gains: BoardGains, hold_s: float) -> Verification:
+    with TemporaryDirectory() as folder:  # a log is moved into place: never to /dev/null
+        return verify(board, gains, VerifyOptions(hold_s=hold_s), Path(folder) / "log.csv", _silent)
 
 
 def _designed_on(board: Board) -> Design:
@@ -370,7 +426,13 @@ def _silent(done: int, total: int, activity: str) -> None:
 
 def main() -> None:
     """Run the named parts, or all."""
-    parts = {"simulated": simulated, "recorded": recorded, "rules": rules, "tracking": tracking}
+    parts = {
+        "simulated": simulated,
+        "recorded": recorded,
+        "rules": rules,
+        "tracking": tracking,
+        "pairs": pairs,
+    }
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("part", nargs="*", help=f"what to run, of {', '.join(parts)}; all if none is named")
     names = parser.parse_args().part or list(parts)
