@@ -1,15 +1,18 @@
-"""How long one control cycle computes in a large map: `python benchmarks/large_map.py [navigator] [loop]`.
+"""How long a cycle computes in a large map: `python benchmarks/large_map.py [navigator] [searches] [loop]`.
 
 The map covers 100 m x 100 m: 400 rooms of 5 m with doors. One goal is 60 m away through many rooms; the other
 is in a room without a door, so that every search floods the map. CPU time of this thread, kernels loaded.
 
-`navigator` calls the navigator alone. `loop` drives the whole robot with its firmware under `hard`, to goals
-42 m away: four times the CPU time of the host passes in the simulation, as if it had a quarter of the core.
+`navigator` calls the navigator alone. `searches` are the two that go on over many cycles: for the next
+frontier, with a third of the rooms unknown, and for the robot's pose. `loop` drives the whole robot with its
+firmware under `hard`, to goals 42 m away: four times the CPU time of the host passes in the simulation, as if
+it had a quarter of the core.
 """
 
 import math
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from urllib.parse import urlencode
@@ -19,15 +22,20 @@ import numpy as np
 from thumper.board.options import BoardOptions
 from thumper.common.errors import ThumperError
 from thumper.common.geometry import FloatArray, Pose2, Twist2
+from thumper.common.resumable import SlicedSearch, merged
 from thumper.config.robot import RobotConfig
 from thumper.lidar.options import LidarOptions
+from thumper.lidar.scan import Scan
 from thumper.maps.occupancy_grid import OccupancyGrid
 from thumper.navigation.footprint import Footprint
 from thumper.navigation.goal import Goal
 from thumper.navigation.navigator import NavigationState, Navigator
 from thumper.navigation.options import NavigationOptions
+from thumper.navigation.planners.frontier_exploration import ExplorationOptions, Explorer, Frontier
 from thumper.runtime.assembly import open_robot
+from thumper.runtime.drive.exploration import SLICES_PER_CYCLE
 from thumper.runtime.drive.tasks import drive_to_goal
+from thumper.slam.localization.amcl import Amcl
 from thumper_hil.bench.hardware import BASE_FROM_LASER
 from thumper_hil.bench.registry import forget_simulation, simulation
 from thumper_hil.effects.preset import load_preset
@@ -53,6 +61,7 @@ LOOP_GOALS = {
 }
 BEAMS_RAD = np.radians(np.linspace(-120.0, 120.0, 341))
 RANGE_M = 5.6
+SEARCH_SCANS = 300
 
 
 def rooms() -> OccupancyGrid:
@@ -110,6 +119,43 @@ def drive(grid: OccupancyGrid, goal: Goal) -> tuple[list[float], NavigationState
     return times_ms, output.state
 
 
+def frontier_search(grid: OccupancyGrid) -> list[float]:
+    """Search the next frontier with a third of the rooms unknown; return the CPU time of each cycle [ms]."""
+    cells, rng = grid.cells.copy(), np.random.default_rng(2)
+    for row, column in np.argwhere(rng.random((ROOMS, ROOMS)) < 1 / 3):
+        if (row, column) != (int(MIDDLE.y_m // 5.0), int(MIDDLE.x_m // 5.0)):
+            corner = row * ROOM_CELLS + 1, column * ROOM_CELLS + 1
+            cells[corner[0] : corner[0] + ROOM_CELLS - 1, corner[1] : corner[1] + ROOM_CELLS - 1] = -1
+    search, times_ms = SlicedSearch[Frontier | None](), list[float]()
+    explorer = Explorer(ExplorationOptions(), Footprint())
+    search.start(merged(explorer.search(replace(grid, cells=cells), MIDDLE), SLICES_PER_CYCLE))
+    while search.is_running:
+        begin_s = time.thread_time()
+        search.advance()
+        times_ms.append(1e3 * (time.thread_time() - begin_s))
+    return times_ms
+
+
+def pose_search(grid: OccupancyGrid) -> list[float]:
+    """Search the pose in the whole map, at rest; return the CPU time of each scan [ms]."""
+    localizer = Amcl(grid, base_from_laser=BASE_FROM_LASER)
+    ranges_m = walls_near(grid, MIDDLE).cast(MIDDLE @ BASE_FROM_LASER, BEAMS_RAD, RANGE_M)
+    step_rad, times_ms = float(BEAMS_RAD[1] - BEAMS_RAD[0]), list[float]()
+    for number in range(SEARCH_SCANS):
+        scan = Scan(
+            time_s=PERIOD_S * number,
+            ranges_m=ranges_m,
+            angle_min_rad=float(BEAMS_RAD[0]),
+            angle_increment_rad=step_rad,
+        )
+        begin_s = time.thread_time()
+        localizer.update(Pose2(), scan, Twist2())
+        times_ms.append(1e3 * (time.thread_time() - begin_s))
+        if not localizer.quality().lost:
+            break
+    return times_ms
+
+
 def walls_toml(grid: OccupancyGrid) -> str:
     """Return the walls of the map as a world."""
     lines = []
@@ -148,9 +194,12 @@ def drive_robot(grid: OccupancyGrid, goal: Goal) -> tuple[list[float], list[floa
     return list(1e3 * charges_s / factor), list(periods_s), reason
 
 
+SEARCHES = {"for the next frontier": frontier_search, "for the pose": pose_search}
+
+
 def main() -> None:
     """Print the times of the drives."""
-    parts = sys.argv[1:] or ["navigator", "loop"]
+    parts = sys.argv[1:] or ["navigator", "searches", "loop"]
     grid = rooms()
     for name, goal in LOOP_GOALS.items() if "loop" in parts else ():
         times_ms, periods_s, reason = drive_robot(grid, goal)
@@ -161,6 +210,13 @@ def main() -> None:
         what = f"whole loop in 100 m x 100 m, {name}: median / 99 % / 99.9 %"
         figure(what, f"{p50:.1f} / {p99:.1f} / {most:.1f}", "ms", aim=f"- / - / <= {AIM_MS}")
         figure(f"the same under hard: cycles that lose a scan, {name}", f"{100 * late:.2f}", "%")
+    for name, search in SEARCHES.items() if "searches" in parts else ():
+        search(grid)  # loads the kernels
+        times_ms = search(grid)
+        p50, p99, most = np.percentile(times_ms, (50, 99, 99.9))
+        print(f"{name}: {len(times_ms)} cycles; longest {max(times_ms):.1f} ms")
+        what = f"search in 100 m x 100 m, {name}: median / 99 % / 99.9 %"
+        figure(what, f"{p50:.1f} / {p99:.1f} / {most:.1f}", "ms", aim=f"- / - / <= {AIM_MS}")
     if "navigator" not in parts:
         return
     drive(grid, GOALS["a goal 60 m away"])  # loads the kernels
