@@ -46,11 +46,11 @@ def check_contrast(page: Page) -> None:
             assert page.evaluate(POOR) == [], (screen, theme)
 
 
-def check_no_wiring(page: Page) -> None:
-    """Check that a simulated robot's guide has a line instead of the drawing."""
+def check_wiring_of_simulated_robot(page: Page) -> None:
+    """Check that the drawing of the wiring does not ask for wires that nobody can see."""
     page.set_viewport_size(TABLET)
-    expect(page.get_by_text("nothing to wire")).to_be_visible()
-    expect(page.get_by_alt_text("Battery, board, motors")).to_be_hidden()
+    expect(page.get_by_text("Simulated, as if wired like this.")).to_be_visible()
+    expect(page.get_by_alt_text("Battery, board, motors")).to_be_in_viewport(ratio=1.0)
 
 
 def press_by_keyboard(page: Page, name: str) -> None:
@@ -96,14 +96,15 @@ def follow(tmp_path: Path) -> None:
             drawing = page.get_by_alt_text("Battery, board, motors")
             expect(drawing).to_be_visible()
             assert drawing.evaluate("one => one.naturalWidth") > 0
-            for part in (".tp-toolbar", ".tp-chips", ".tp-state"):
-                expect(page.locator(part)).to_be_hidden()  # there is no map yet
+            for part in (".tp-toolbar", ".tp-chips", ".tp-state", ".tg-simulated"):
+                expect(page.locator(part)).to_be_hidden()  # there is no robot and no map yet
             check_contrast(page)
             page.get_by_label("World of a simulated robot").click()
             page.get_by_role("option", name="House").click()
             walk.click("Use a simulated robot")
             walk.done("robot", "flash")
             walk.retried("flash", "check", ("Flash",))
+            expect(page.locator(".tp-charts canvas").first).to_be_in_viewport(ratio=1.0)  # empty yet
             walk.click("Turn the wheels")
             expect(page.locator(".tg-output")).to_contain_text("firmware")  # seconds before the wheels turn
             expect(page.locator(".tg-output")).not_to_contain_text("USB")
@@ -127,7 +128,7 @@ def follow(tmp_path: Path) -> None:
             expect(page.get_by_label("New configuration file")).to_have_value("robot_2.toml")
             press_by_keyboard(page, "Use robot.toml")
             walk.done("robot", "flash")
-            check_no_wiring(page)
+            check_wiring_of_simulated_robot(page)
         browser.close()
     assert not problems
     assert 'port = "sim://setup/board?world=house-4&' in written

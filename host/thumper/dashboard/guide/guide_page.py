@@ -75,8 +75,8 @@ def _build_page(guide: Guide, options: PageOptions) -> None:
         with box("tg-right"):
             with box("tg-wiring"):  # until there is a map
                 ui.label("How the parts are connected").classes("tg-title")
+                ui.label("Simulated, as if wired like this.").classes("tg-simulated")
                 inline(f'<img src="{_wiring()}" alt="Battery, board, motors, encoders, computer and lidar">')
-                ui.label("The robot is simulated: nothing to wire.").classes("tg-simulated")
             with box("tp-mapbox"):
                 Widget("map", {"footprint": options.footprint_m}).classes("tp-map")
             with box("tp-state"):
@@ -144,7 +144,7 @@ class GuideView:
     def _build(self) -> None:
         guide = self._guide
         self._main.props(f"data-step={guide.step}")
-        has_charts = guide.step is Step.TUNE or bool(guide.rows)
+        has_charts = guide.step in (Step.CHECK, Step.TUNE)
         self._main.props("data-charts") if has_charts else self._main.props(remove="data-charts")
         is_simulated = guide.ports is not None and guide.ports.simulated
         self._main.props("data-simulated") if is_simulated else self._main.props(remove="data-simulated")
