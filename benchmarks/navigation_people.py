@@ -36,8 +36,8 @@ def line(preset: str, kind: str, speed: float, runs: list[CourseRun]) -> str:
     arrived = [run.time_s for run in runs if run.reached]
     return (
         f"| {preset} | {kind} | {speed} | {len(runs)} | {len(arrived)} "
-        f"| {sum(run.contacts > 0 for run in runs)} | {sum(run.bumps > 0 for run in runs)} "
-        f"| {sum(run.bumps for run in runs)} "
+        f"| {sum(run.contacts > 0 for run in runs)} | {sum(run.touches_by_people > 0 for run in runs)} "
+        f"| {sum(run.touches_by_people for run in runs)} "
         f"| {np.mean(arrived) if arrived else np.nan:.1f} |"
     )
 
@@ -60,7 +60,11 @@ def main() -> None:
             run = drive_course(course, preset=preset, seed=seed, navigation=options)
             runs.append(run)
             if run.contacts or not run.reached:
-                print(f"    {kind} {seed}: {run.reason}, {run.time_s:.0f} s, bumps {run.bumps}", flush=True)
+                print(
+                    f"    {kind} {seed}: {run.reason}, {run.time_s:.0f} s, "
+                    f"touches by people {run.touches_by_people}",
+                    flush=True,
+                )
         print(line(preset, kind, speed, runs), flush=True)
         what = f"people {kind}, {preset}, {given.scenes} scenes at {speed} m/s"
         figure(

@@ -145,9 +145,9 @@ class Bench:
         return self._contact.count + self._legs.by_robot
 
     @property
-    def bumps(self) -> int:
+    def touches_by_people(self) -> int:
         """Number of times a person has walked into the robot."""
-        return self._scene.bumps + self._legs.by_people
+        return self._scene.touches_by_people + self._legs.by_people
 
     def truth(self) -> FloatArray:
         """Return the ground truth of up to two hours at 100 Hz, shape (n, 6), as `ground_truth` says.

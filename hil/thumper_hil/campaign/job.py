@@ -63,6 +63,7 @@ def run_job(job: CampaignJob) -> CampaignRow:
             seed=job.seed,
             reached=False,
             contacts=bench.contacts,
+            touches_by_people=bench.touches_by_people,
             reason=str(error),
         )
     finally:
@@ -84,7 +85,7 @@ def _drive(job: CampaignJob, config: RobotConfig, bench: Bench) -> CampaignRow:
             if not result.reached:
                 break
         assert result is not None  # every mission has a goal
-        truth, contacts = bench.truth(), bench.contacts
+        truth, contacts, touches = bench.truth(), bench.contacts, bench.touches_by_people
     pose_errors_m = _pose_errors_m(robot.log, truth)
     sides = speed_errors(robot.log.speeds).values()
     odometry = _dead_reckoning(robot.log.speeds, start, config.drive)
@@ -95,6 +96,7 @@ def _drive(job: CampaignJob, config: RobotConfig, bench: Bench) -> CampaignRow:
         seed=job.seed,
         reached=result.reached,
         contacts=contacts,
+        touches_by_people=touches,
         goal_error_m=math.hypot(truth[-1, 1] - goals[-1].x_m, truth[-1, 2] - goals[-1].y_m),
         time_s=result.time_s,
         path_length_m=result.path_length_m,

@@ -19,7 +19,8 @@ class CampaignRow:
     parameters: str
     seed: int
     reached: bool
-    contacts: int = 0
+    contacts: int = 0  # of the robot with an obstacle or a person
+    touches_by_people: int = 0  # a person walked into the robot
     goal_error_m: float = _measure("goal error [m]")
     time_s: float = _measure("time [s]")
     path_length_m: float = _measure("path length [m]")

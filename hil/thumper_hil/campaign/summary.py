@@ -34,6 +34,7 @@ class Summary:
     runs: int
     success: Interval  # share of the runs that reached the goal without a contact
     contacts: int
+    touches_by_people: int
     reached: int
     means: dict[str, Interval]  # over the runs that reached the goal
 
@@ -50,6 +51,7 @@ def summarise(rows: Sequence[CampaignRow], measures: Sequence[str]) -> list[Summ
                 runs=len(chosen),
                 success=wilson(sum(map(succeeded, chosen)), len(chosen)),
                 contacts=sum(row.contacts for row in chosen),
+                touches_by_people=sum(row.touches_by_people for row in chosen),
                 reached=sum(row.reached for row in chosen),
                 means={
                     name: mean_interval([getattr(row, name) for row in chosen if row.reached])
@@ -85,14 +87,18 @@ def mean_interval(values: Sequence[float]) -> Interval:
 def markdown(summaries: Sequence[Summary], presets: Mapping[str, str]) -> str:
     """Return a table with one line per summary; there must be at least one.
 
-    `presets` has the simulated robot's preset of each parameter set.
+    `presets` has the simulated robot's preset of each parameter set. Touches by people get a column if there
+    are any.
     """
+    touched = any(s.touches_by_people for s in summaries)
     headings = ["mission", "parameters", "preset", "runs", "success", "contacts"]
+    headings += ["touches by people"] * touched
     headings += [MEASURES[name] for name in summaries[0].means]
     lines = [f"| {' | '.join(headings)} |", "|---" * len(headings) + "|"]
     for s in summaries:
         share = f"{s.success.value:.0%} ({s.success.low:.0%} ... {s.success.high:.0%})"
         cells = [s.mission, s.parameters, presets[s.parameters], str(s.runs), share, str(s.contacts)]
+        cells += [str(s.touches_by_people)] * touched
         cells += [_cell(mean) for mean in s.means.values()]
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(

@@ -60,7 +60,7 @@ class CourseRun:
     contacts: int
     """The robot touched an obstacle, or drove into a person; the first ends the drive."""
 
-    bumps: int
+    touches_by_people: int
     """A person walked into the robot."""
 
     pose_error_m: float
@@ -131,7 +131,7 @@ def _drive(course: Course, config: RobotConfig, fixed: World) -> CourseRun:
         goal_error_m=course.goal.distance_m(poses[-1]),
         clearance_m=min(fixed.clearance_m(pose, FOOTPRINT_M) for pose in poses[::2]),
         contacts=bench.contacts,
-        bumps=bench.bumps,
+        touches_by_people=bench.touches_by_people,
         pose_error_m=float(np.sqrt(np.mean(np.square(errors_m).sum(axis=0)))),
         plans=log.plans,
         track=driven[:, :4],

@@ -18,7 +18,8 @@ class Scene:
     """A world with its timed obstacles and people; `world` is its current state.
 
     Call `step` as time passes. People without legs stop before they would walk into the robot's footprint;
-    `bumps` counts these stops. People with legs walk into it and turn back; the bench judges their contacts.
+    `touches_by_people` counts these stops. People with legs walk into it and turn back; the bench judges
+    their contacts.
     """
 
     def __init__(self, world: World) -> None:
@@ -26,7 +27,7 @@ class Scene:
         self._people = [_Person(walker) for walker in world.walkers]
         self._present: tuple[TimedObstacle, ...] = ()
         self._posts_m = np.zeros((0, 3))
-        self.bumps = 0
+        self.touches_by_people = 0
         self.world = world
         if self.is_dynamic:
             self._present = _present(world.timed, 0.0)
@@ -49,7 +50,7 @@ class Scene:
         present = _present(self._fixed.timed, time_s)
         appeared, self._present = present != self._present, present
         moved = [person.step(time_s, elapsed_s, footprint_m) for person in self._people]
-        self.bumps += sum(person.has_bumped for person in self._people)
+        self.touches_by_people += sum(person.has_bumped for person in self._people)
         if appeared or any(moved):
             self.world = self._compose()
             return True

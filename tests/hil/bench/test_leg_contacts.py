@@ -11,7 +11,7 @@ TICK_S = 0.01
 
 
 def meet(robot_m_s: float, leg_m_s: float) -> tuple[int, int]:
-    """Let the robot drive along x towards a leg that walks along x; return contacts and bumps."""
+    """Let the robot drive along x towards a leg that walks along x; return contacts and touches by people."""
     contacts = LegContacts(FOOTPRINT_M)
     for tick in range(100):
         leg_m = np.array([[0.5 + leg_m_s * tick * TICK_S, 0.0, 0.06]])

@@ -34,6 +34,12 @@ from thumper_hil.world.world_file import WORLDS
 
 BIN = Path(sys.executable).parent
 ROOT = Path(__file__).parents[3]
+PERSON = """
+[[person]]
+waypoints_m = [[1.9, 0.0], [1.1, 0.0]]
+speed_m_s = 1.0
+leg_radius_m = 0.06
+"""
 
 
 def test_job_that_cannot_be_simulated_raises(tmp_path: Path) -> None:
@@ -58,6 +64,15 @@ def test_documented_example_runs(tmp_path: Path) -> None:
     jobs = expand_jobs(load_campaign(tmp_path / "example.toml"), tmp_path)
     result = run_job(jobs[0])
     assert result.reached, result.reason
+
+
+def test_a_person_who_walks_into_the_robot_is_a_touch_by_people(tmp_path: Path) -> None:
+    """The person comes from behind and turns back at the robot."""
+    (tmp_path / "room.toml").write_text(f'base = "{WORLDS / "lab"}"\n{PERSON}')
+    jobs = expand_jobs(load_campaign(written(tmp_path, FILE.replace('"lab"', '"room.toml"'))), tmp_path)
+    result = run_job(jobs[0])
+    assert (result.contacts, result.reached) == (0, True), result.reason
+    assert result.touches_by_people > 0
 
 
 @pytest.mark.slow

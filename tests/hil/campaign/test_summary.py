@@ -32,6 +32,14 @@ def test_drive_with_a_contact_is_not_a_success() -> None:
     assert summary.success.value == pytest.approx(1 / 3)
 
 
+def test_touches_by_people_are_summed_in_a_column_of_their_own() -> None:
+    summaries = summarise([row("a", touches_by_people=2), row("b", touches_by_people=1)], ["time_s"])
+    assert summaries[0].success.value == 1.0
+    headings, _, cells = (line.split(" | ") for line in markdown(summaries, PRESETS).splitlines()[:3])
+    assert cells[headings.index("touches by people")] == "3"
+    assert "touches by people" not in markdown(summarise([row("a")], ["time_s"]), PRESETS)
+
+
 def test_means_exclude_drives_that_missed_the_goal() -> None:
     rows = [row("a"), row("b", reached=False, time_s=99.0)]
     assert summarise(rows, ["time_s"])[0].means["time_s"].value == pytest.approx(0.25)

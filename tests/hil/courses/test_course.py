@@ -15,7 +15,7 @@ COURSE = Course(world_toml=ROOM, start=Pose2(), goal=Goal(x_m=2.0, y_m=0.0))
 
 def test_it_ends_where_the_robot_has_arrived() -> None:
     run = drive_course(COURSE, preset="nominal", seed=0)
-    assert (run.reached, run.timed_out, run.contacts, run.bumps) == (True, False, 0, 0)
+    assert (run.reached, run.timed_out, run.contacts, run.touches_by_people) == (True, False, 0, 0)
     assert run.goal_error_m < 0.1
     assert 0.75 < run.clearance_m < 0.85  # to the walls beside it: half of its width is 0.15 m
     assert 0.0 < run.pose_error_m < 0.05
@@ -37,6 +37,6 @@ def test_the_time_limit_ends_it() -> None:
 
 def test_a_person_who_walks_into_the_robot_from_behind_ends_nothing() -> None:
     run = drive_course(replace(COURSE, world_toml=ROOM + PERSON), preset="nominal", seed=0)
-    assert run.bumps > 0
+    assert run.touches_by_people > 0
     assert run.contacts == 0
     assert run.reached

@@ -32,16 +32,16 @@ def along_the_path(from_s: float) -> str:
 def test_drives_into_nobody(people: list[str]) -> None:
     run = drive_course(course_among(people), preset="nominal", seed=0)
     assert run.contacts == 0
-    assert run.reached or run.bumps, run.reason
+    assert run.reached or run.touches_by_people, run.reason
 
 
 @pytest.mark.slow
 def test_steps_aside_for_somebody_who_comes_along_the_path() -> None:
     """They do not look: one who changes nothing may brush a robot that stands aside."""
-    bumps = 0
+    touches = 0
     for from_s in (0.5, 1.0, 1.5, 2.0, 2.5, 3.0):
         run = drive_course(course_among([along_the_path(from_s)]), preset="nominal", seed=0)
         assert run.reached, run.reason
         assert run.contacts == 0
-        bumps += run.bumps
-    assert bumps <= 1
+        touches += run.touches_by_people
+    assert touches <= 1

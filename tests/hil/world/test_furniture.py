@@ -79,7 +79,7 @@ def test_people_with_legs_walk_into_the_robot_and_turn_back(returns: str, tmp_pa
     steps_m = np.abs(np.diff(legs_m, axis=0)).max(axis=(1, 2))
     steps_m = np.minimum(steps_m, np.abs(swapped[1:] - legs_m[:-1]).max(axis=(1, 2)))
     assert steps_m.max() < 0.021  # no leg jumps: the two are swapped at a turn
-    assert scene.bumps == 0  # the bench counts it
+    assert scene.touches_by_people == 0  # the bench counts it
 
 
 def test_a_person_who_does_not_return_stays_at_the_end_in_step(tmp_path: Path) -> None:

@@ -151,7 +151,7 @@ def test_person_stops_at_the_robot_without_a_robot_contact(tmp_path: Path) -> No
     (tmp_path / "w.toml").write_text(TIMED + PERSON)
     bench = Bench(BenchOptions(world=str(tmp_path / "w.toml"), x_m=1.0))
     bench.advance(8.0)
-    assert (bench.bumps, bench.contacts) == (1, 0)
+    assert (bench.touches_by_people, bench.contacts) == (1, 0)
     assert bench.world.circles_m[-1, 1] == pytest.approx(-0.2 - 0.15, abs=0.02)
 
 
@@ -164,7 +164,7 @@ def test_robot_contact_with_a_person_is_counted(tmp_path: Path) -> None:
     for _ in range(25):
         bench.chip.send(encode_frame(SetMotorPwm.ID, 1, SetMotorPwm(left=120, right=120).pack()))
         bench.advance(bench.time_s + 0.1)
-    assert (bench.bumps, bench.contacts) == (0, 1)
+    assert (bench.touches_by_people, bench.contacts) == (0, 1)
     assert bench.truth()[-1, 1] == pytest.approx(0.8 - 0.21, abs=0.03)
 
 
