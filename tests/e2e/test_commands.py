@@ -53,7 +53,7 @@ def test_goto_waits_for_arrival(thumper: Run, bus: str) -> None:
     done = thumper("goto", "1.2", "0.05", "--bus", bus)
     assert done.returncode == 0, done.stderr
     assert "m to go" in done.stdout
-    assert re.search(r"^at the goal \(1\.20, 0\.05\) after \d+\.\d s$", done.stdout, re.MULTILINE)
+    assert re.search(r"^thumper is at the goal \(1\.20, 0\.05\) after \d+\.\d s$", done.stdout, re.MULTILINE)
     status = json.loads(thumper("status", "--json", "--bus", bus).stdout)
     assert (status["robot"], status["simulated"], status["has_goal"]) == ("thumper", True, False)
     assert math.dist((status["pose"]["x_m"], status["pose"]["y_m"]), (1.2, 0.05)) < 0.1

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 import traceback
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -95,14 +96,16 @@ def test_a_square_of_forward_and_turn_is_closed(world: str, seed: int) -> None:
     assert off_deg < LIMIT_DEG
 
 
-def test_degrees_that_look_like_radians_are_reported(caplog: pytest.LogCaptureFixture) -> None:
-    for deg in (1.57, -math.pi, 0.79, 90, 1, 3, 5.5, 6):
+@pytest.mark.parametrize(
+    ("deg", "meant"),
+    [(1.57, "For 90 "), (-math.pi, "For -180 "), (0.79, "For 45 "), (90, ""), (1, ""), (5.5, "")],
+)
+def test_degrees_that_look_like_radians_are_reported(deg: float, meant: str) -> None:
+    with warnings.catch_warnings(record=True) as caught:
         assert arguments.angle_rad("turn", (), None, deg, "") == math.radians(deg)
-    assert caplog.messages == [
-        "turn: deg=1.57: in radians? For 90 degrees pass deg=90",
-        "turn: deg=-3.14159: in radians? For -180 degrees pass deg=-180",
-        "turn: deg=0.79: in radians? For 45 degrees pass deg=45",
-    ]
+        arguments.heading_rad("goto", (), None, deg)
+    assert [warning.filename for warning in caught] == [__file__] * (2 if meant else 0)
+    assert all(meant in str(warning.message) for warning in caught)
 
 
 def test_neither_backs_into_what_it_saw_nor_over_what_it_never_saw(tmp_path: Path) -> None:

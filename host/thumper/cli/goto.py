@@ -123,7 +123,7 @@ def goto(
             ) from None
     if state.state != "reached":
         raise ThumperError(f"goal not reached: {state.reason}")
-    print(f"{state.reason} after {time.monotonic() - begun_s:.1f} s")
+    print(f"{client.robot} is {state.reason} after {time.monotonic() - begun_s:.1f} s")
 
 
 def _on_earth(place: tuple[float, float], tolerance_m: float, *, is_alone: bool) -> "SendMission":

@@ -1,10 +1,11 @@
 """Checks the arguments of `Robot`. A wrong one is a ThumperError: "CALL: ARGUMENT: problem; fix".
 
-A doubtful one is a logged warning.
+A doubtful one is a warning that names the caller's line.
 """
 
-import logging
 import math
+import sys
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -19,8 +20,6 @@ COMMON_DEG = (30, 45, 60, 90, 120, 135, 150, 180, 270, 360)
 ROUNDED_RAD = 0.005  # pi / 2 as 1.57
 PLACE_KEYS = {"x_m", "y_m", "heading_deg", "heading_rad"}
 
-
-log = logging.getLogger("thumper.robot")
 
 Place = str | tuple[float, float] | tuple[float, float, float] | Mapping[str, float]
 
@@ -109,7 +108,8 @@ def angle_rad(
             if abs(abs(value_deg) - math.radians(common)) < ROUNDED_RAD:
                 meant = math.copysign(common, value_deg)
                 fix = f"For {meant:g} degrees pass {name}deg={meant:g}"
-                log.warning("%s: %sdeg=%g: in radians? %s", call, name, value_deg, fix)
+                text = f"{call}: {name}deg={value_deg:g}: in radians? {fix}"
+                warnings.warn(text, stacklevel=_callers_level())
         return math.radians(value_deg)
     if rad is None:
         return None
@@ -117,6 +117,14 @@ def angle_rad(
     if abs(result) > math.tau:
         raise wrong(call, f"{name}rad", f"{result:g} is more than a turn; pass {name}deg={result:g}")
     return result
+
+
+def _callers_level() -> int:
+    """Return the `stacklevel` with which the calling function warns of the code that uses this package."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals["__name__"].startswith("thumper."):
+        level, frame = level + 1, frame.f_back
+    return level
 
 
 def heading_rad(

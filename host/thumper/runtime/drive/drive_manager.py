@@ -34,6 +34,7 @@ DISARMED_CYCLES = 3  # telemetry from before ARM may still arrive
 UNKNOWN_GOAL = "goal in unknown space, looking for a path"
 TURNING, TURNING_BELOW_M_S = "turning in place", 0.02
 RELEASED = "manual command released"
+EMERGENCY_STOP = "emergency stop"
 DRIVERS = {
     TeleopSource.VELOCITY: "driven by another program",
     TeleopSource.TELEOP: "driven by teleop",
@@ -151,9 +152,9 @@ class DriveManager:
     def emergency_stop(self) -> None:
         """Switch the motors off and latch the fault; raise ThumperError if the board does not confirm."""
         self.is_stop_unconfirmed = True
-        self._cancel_drive("emergency stop", by_user=True)
+        self._cancel_drive(EMERGENCY_STOP, by_user=True)
         # If this command is lost, go silent all the same: the board then stops by its own time-out.
-        self._go_idle("emergency stop")
+        self._go_idle(EMERGENCY_STOP)
         self._has_fault = True
         self.board.emergency_stop()
         self.is_stop_unconfirmed = False
@@ -185,7 +186,8 @@ class DriveManager:
         A robot that stops ignores it: a program that repeats its command must not prevent the stop.
         """
         if self.mode in (DriveMode.IDLE, DriveMode.STOPPING) and velocity.twist != Twist2():
-            if self.mode is DriveMode.IDLE and not self._has_fault:  # a fault must be cleared before
+            # A fault must be cleared before. That of an emergency stop shows after a cycle or two.
+            if self.mode is DriveMode.IDLE and not self._has_fault and self.reason != EMERGENCY_STOP:
                 self.reason = "the motors are off; arm the robot to drive it manually"
             return
         self.mux.add(at_s, velocity)

@@ -73,7 +73,10 @@ class PoseCovariance:
             lost = f"the map explains only {100.0 * self._explained:.0f} % of the scan"
         elif quality.std_m > self._options.lost_beyond_m:
             has_drifted = True
-            lost = f"no visible wall fixes the position along the path: it may be {quality.std_m:.1f} m off"
+            lost = (
+                f"no visible wall fixes the position along the path: it may be {quality.std_m:.1f} m off; "
+                "drive manually until the robot sees one"
+            )
         return replace(quality, lost=lost, has_drifted=has_drifted)
 
 

@@ -397,10 +397,14 @@ def test_manual_command_during_a_fault_keeps_the_reason_of_the_stop(bench: Bench
     bench.manager.emergency_stop()
     bench.hold(AHEAD)  # the key is still down
     assert bench.manager.reason == "emergency stop"
+    bench.step(state=State.MANUAL)  # sent before the board had the stop
+    bench.hold(AHEAD)
+    assert bench.manager.reason == "emergency stop"
     bench.step(state=State.FAULT, fault=Fault.E_STOP)
     bench.hold(AHEAD)
     assert bench.manager.reason == "emergency stop"
-    bench.step(state=State.DISARMED)  # the fault is cleared
+    bench.manager.clear_fault()
+    bench.step(state=State.DISARMED)
     bench.hold(AHEAD)
     assert bench.manager.reason == "the motors are off; arm the robot to drive it manually"
 
