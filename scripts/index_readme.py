@@ -2,6 +2,7 @@
 
 import re
 
+DARK = re.compile(r'<source [^>]*srcset="[^"]*">|</?picture>')  # an index has one theme
 IMAGE = re.compile(r'<img src="(?P<path>[^":]+)"(?P<rest>[^>]*)>')
 LINK = re.compile(r"(?P<image>!?)\[(?P<text>[^\]]*)\]\((?!https?:)(?P<path>[^)\s]+)\)")
 
@@ -22,4 +23,4 @@ def absolute(markdown: str, base: str) -> str:
     def replaced_image(match: re.Match[str]) -> str:
         return f'<img src="{base.format(kind="raw")}/{match["path"]}"{match["rest"]}>' if base else ""
 
-    return IMAGE.sub(replaced_image, LINK.sub(replaced, markdown))
+    return IMAGE.sub(replaced_image, LINK.sub(replaced, DARK.sub("", markdown)))

@@ -19,8 +19,10 @@ def test_description_on_an_index_has_no_relative_links() -> None:
     for base in ("", "https://example.org/{kind}/v1"):
         shown = absolute(text, base)
         assert not re.findall(r"\]\((?!https://)[^)]*\)", shown)
-        assert not re.findall(r'src="(?!https://)', shown)
+        assert not re.findall(r'src(?:set)?="(?!https://)', shown)
+        assert "picture>" not in shown
     assert "![A path around" in text
+    assert "<picture><source" in text
     assert "](https://example.org/raw/v1/docs/images/plan_keepout.png)" in shown
     assert '<img src="https://example.org/raw/v1/docs/images/explore.webp" width=' in shown
     assert "](https://example.org/blob/v1/docs/explanation/safety.md)" in shown
