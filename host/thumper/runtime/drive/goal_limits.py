@@ -18,10 +18,16 @@ def check_distance(goal: Goal, map_from_base: Pose2, place: str = "the robot") -
     """Raise ThumperError if the goal is too far from the robot, or from where it will be: `place`."""
     if (distance_m := goal.distance_m(map_from_base)) > MAX_GOAL_DISTANCE_M:
         raise ThumperError(
-            f"goal {goal} is {distance_m:.0f} m from {place}; choose a goal at most "
+            f"goal {goal} is {_shown_beyond_limit(distance_m)} m from {place}; choose a goal at most "
             f"{MAX_GOAL_DISTANCE_M:.0f} m away",
             exit_code=EXIT_USAGE,
         )
+
+
+def _shown_beyond_limit(distance_m: float) -> str:
+    """Return a distance beyond the limit with as few decimals as show that: 50.02, not 50."""
+    shown = (f"{distance_m:.{decimals}f}" for decimals in range(17))
+    return next(text for text in shown if float(text) > MAX_GOAL_DISTANCE_M)
 
 
 def check_distances(goals: Iterable[Goal], start: Pose2 | None) -> None:
