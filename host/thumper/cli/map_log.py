@@ -64,9 +64,10 @@ def map_log(
     mount: Annotated[
         Mount | None,
         typer.Option(
-            help="How to read the log: lidar upside-down, turned by 180 degrees, or both; odometry mirrored "
-            "(left and right swapped), its heading mirrored or in degrees, or in millimetres. Default: "
-            "as-is, and checked."
+            metavar="<mount>",
+            help="How to read the log. Of the lidar: upside-down, turned (by 180 degrees) or "
+            "upside-down-turned. Of the odometry: mirrored (left and right swapped), mirrored-heading, "
+            "degrees (its heading) or millimetres. Default: as-is, and checked.",
         ),
     ] = None,
     session: Session = None,

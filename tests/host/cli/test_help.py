@@ -2,11 +2,13 @@
 
 import re
 from collections.abc import Callable
+from typing import get_args
 
 import pytest
 
 from tests.host.cli.conftest import Ended
 from thumper.cli.app import PANELS
+from thumper.cli.map_log import Mount
 from thumper.ros.topics import TOPICS
 
 Run = Callable[..., Ended]
@@ -77,6 +79,14 @@ def test_help_shows_types_in_words(thumper: Run) -> None:
     assert "<number> 0.02 to 1.0" in shown
     for command in COMMANDS:
         assert not re.search(r"<(float|int|str|list)|range>|<=x", thumper(command, "--help").out)
+
+
+def test_help_of_map_log_explains_each_choice_of_mount(thumper: Run) -> None:
+    """A list of choices would break inside their names."""
+    shown = " ".join(word.strip("│") for word in thumper("map-log", "--help").out.split())
+    assert "--mount <mount>" in shown
+    explained = shown[shown.index("How to read the log") : shown.index("--session <path>")]
+    assert set(get_args(Mount)) <= set(re.findall(r"[\w-]+", explained))
 
 
 def test_help_shows_defaults_of_settings_as_the_others(thumper: Run) -> None:
