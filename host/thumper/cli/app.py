@@ -97,10 +97,11 @@ OPTION_PANELS = {  # of the commands with many options
         "clear_fault",
         "minutes",
     ),
+    "Dashboard": ("ui", "ui_port"),
     "Robot": ("board", "lidar", "config", "speed"),
     "Map": ("start", "saved_map", "session", "fresh"),
     "Output": ("out", "record", "record_to"),
-    "Others": ("bus", "ui", "ui_port", "help"),
+    "Others": ("bus", "help"),
 }
 START = "Start here: `thumper demo --ui` without a robot, `thumper setup` with one."
 TYPES = {  # Typer's names, and those of the help

@@ -102,9 +102,9 @@ def test_each_command_has_an_example(thumper: Run, command: str) -> None:
 
 
 def test_help_of_many_options_has_panels(thumper: Run) -> None:
-    for command, panels in {"run": ["Goal", "Robot"], "explore": ["Goal", "Robot"]}.items():
+    for command in ("run", "explore"):
         shown = re.findall(r"─ (\w+) ─", thumper(command, "--help").out)
-        assert shown == [*panels, "Map", "Output", "Others"]
+        assert shown == ["Goal", "Dashboard", "Robot", "Map", "Output", "Others"]
 
 
 def test_overview_has_the_panels_of_the_reference_in_its_order(thumper: Run) -> None:
