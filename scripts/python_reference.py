@@ -64,10 +64,9 @@ def python_page() -> str:
 def _class(kind: type, members: tuple[str, ...] | None) -> Iterator[str]:
     """Yield heading, docstring, attributes and methods of a class."""
     yield f"## {kind.__name__}\n"
-    if kind is Robot:
-        yield f"```python\n{_signature('Robot', Robot.__init__)}\n```\n"
     yield f"{_text(kind)}\n"
     if kind is Robot:
+        yield f"```python\n{_signature('Robot', Robot.__init__)}\n```\n"
         yield f"{_text(Robot.__init__)}\n"
     names = [
         name
