@@ -50,25 +50,33 @@ def test_the_figures_are_those_of_python_control(kp: float, ki: float, kv: float
     assert ours.overshoot_percent == pytest.approx(info.overshoot_percent, abs=0.1)
 
 
-def test_the_text_tells_margins_and_what_more_gain_does() -> None:
-    drawing, text = gains_help(VALUES, VALUES)
+def test_the_table_has_margins_and_what_more_gain_does() -> None:
+    drawing, table, warning = gains_help(VALUES, VALUES)
+    assert warning == ""
     assert drawing.count("<svg") == 3
     assert drawing.count("class='edited'") == drawing.count("class='used'") == 3
-    assert "gain margin 11.2\N{NO-BREAK SPACE}dB, Ms 1.60" in text
+    assert "<td>11.2\N{NO-BREAK SPACE}dB</td><td>1.60</td>" in table
     assert [drawing.count(f">{rate}<") for rate in (0.1, 3, 30)] == [2, 2, 2]
-    now, more_kp, more_ki = (float(found) for found in re.findall(r"[Pp]hase margin (\d+)°", text))
+    now, more_kp, more_ki = (float(found) for found in re.findall(r"<td>(\d+)°", table))
     assert more_ki < now
     assert more_kp != now
-    assert "20 % more ki" in text
-    assert "Unstable" in gains_help({**VALUES, "kp": 60.0, "ki": 30.0}, VALUES)[1]
+    assert re.findall(r"<tr><th>([^<]+)", table) == [
+        "now",
+        "kp +20\N{NO-BREAK SPACE}%",
+        "ki +20\N{NO-BREAK SPACE}%",
+    ]
+    _, table, warning = gains_help({**VALUES, "kp": 60.0, "ki": 30.0}, VALUES)
+    assert table == ""
+    assert "Unstable" in warning
 
 
 def test_gains_close_to_instability_are_a_warning() -> None:
     assert gains_warning(VALUES) == gains_warning({**VALUES, "kv": 0.0}) == ""
     risky = {**VALUES, "kp": 36.0}
     assert re.match(r"Close to unstable: Ms is \d\.\d\d, above 2\.", gains_warning(risky))
-    assert gains_help(risky, VALUES)[1].startswith(gains_warning(risky))
-    assert "rise time under 0.1 s" in gains_help(risky, VALUES)[1]  # within one tick
+    _, table, warning = gains_help(risky, VALUES)
+    assert warning == gains_warning(risky)
+    assert "<td>under 0.1 s</td>" in table  # within one tick
     assert gains_warning({**VALUES, "kp": 60.0, "ki": 30.0}).startswith("Unstable")
 
 
@@ -77,7 +85,7 @@ def test_the_panel_warns_of_gains_close_to_instability(page: Page, scheme: Liter
     page.emulate_media(color_scheme=scheme)
     page.click(".tp-tab-gains")
     text, message = page.locator(".tp-gainshelp p"), page.locator(".tp-message:visible")
-    expect(text).to_contain_text("Phase margin")
+    expect(page.locator(".tp-margins")).to_contain_text("phase margin")
     expect(text).not_to_have_class("warn")
     page.locator("[data-gain=kp]").fill("36")
     expect(text).to_have_class("warn")
@@ -92,13 +100,14 @@ def test_the_panel_warns_of_gains_close_to_instability(page: Page, scheme: Liter
 
 @pytest.mark.parametrize("changed", [{"kv": 0.0}, {"ka": 0.0}, {"kp": None}, {"kp": math.nan}])
 def test_without_a_model_it_says_so(changed: dict[str, float]) -> None:
-    assert gains_help({**VALUES, **changed}, VALUES) == ("", NO_MODEL)
+    assert gains_help({**VALUES, **changed}, VALUES) == ("", "", NO_MODEL)
 
 
 def test_each_parameter_is_explained_beside_its_slider(page: Page) -> None:
     page.click(".tp-tab-gains")
     expect(page.locator(".tp-gaintext")).to_have_count(len(DOCS))
     expect(page.locator(".tp-gaintext").first).to_have_text(EFFECTS["kp"])
+    expect(page.locator(".tp-gain small", has_text="rad/s²")).to_have_count(3)
     assert all(page.locator(".tp-gaintext").all_inner_texts())
 
 
@@ -122,8 +131,8 @@ def test_each_parameter_has_one_group() -> None:
 
 def test_a_slider_changes_drawing_and_text(page: Page, robot: FakeRobot) -> None:
     page.click(".tp-tab-gains")
-    text = page.locator(".tp-gainshelp p")
-    expect(text).to_contain_text("Phase margin")
+    text = page.locator(".tp-margins")
+    expect(text).to_contain_text("phase margin")
     before = text.inner_text()
     curve = "document.querySelector('.tp-loop polyline.edited').getAttribute('points')"
     points = page.evaluate(curve)
@@ -138,12 +147,14 @@ def test_a_value_out_of_range_is_neither_judged_nor_applied(page: Page, robot: F
     apply = page.locator(".q-tab-panel button", has_text="Apply")
     undo = page.locator(".q-tab-panel button", has_text="Undo")
     text = page.locator(".tp-gainshelp p")
-    expect(text).to_contain_text("Phase margin")
+    table = page.locator(".tp-margins table")
+    expect(table).to_be_visible()
     page.locator("[data-gain=kp]").fill("99999")
     expect(text).to_contain_text("kp must be 0 …")
     expect(page.locator(".tp-loop svg")).to_have_count(0)
+    expect(table).to_have_count(0)
     expect(apply).to_be_disabled()
     expect(undo).to_be_enabled()
     page.locator("[data-gain=kp]").fill("7")
-    expect(text).to_contain_text("Phase margin")
+    expect(table).to_be_visible()
     expect(apply).to_be_enabled()

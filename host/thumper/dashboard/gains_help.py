@@ -1,4 +1,4 @@
-"""What kp and ki do: step response and Bode plot as a drawing, margins and rise time as text."""
+"""What kp and ki do: step response and Bode plot as a drawing, margins and rise time as a table."""
 
 import math
 from collections.abc import Mapping
@@ -18,7 +18,8 @@ EFFECTS = {
     "ka": "PWM per acceleration. Right if the speed neither lags the ramp nor leads it.",
 }
 HIGHEST_MS = 2.0  # a loop with a higher one is close to instability
-MORE = 1.2  # the factor whose effect the text shows
+MORE = 1.2  # the factor whose effect the table shows
+COLUMNS = ("", "phase margin", "gain margin", "Ms", "rise time", "over\N{SOFT HYPHEN}shoot")
 DRAWN = 4  # each fourth point
 WIDTH, HEIGHT, LEFT, TOP, BOTTOM = 340, 104, 34, 17, 20  # of one plot
 SPEEDS, LEVELS_dB, PHASES_deg = (0.0, 0.5, 1.0, 1.5), (-20, 0, 20, 40), (-270, -180, -90, 0)
@@ -29,12 +30,13 @@ NO_MODEL = (
 )
 
 
-def gains_help(values: Mapping[str, Any], in_use: Mapping[str, float]) -> tuple[str, str]:
-    """Return an SVG and a text for the edited values; dashed in the drawing: the values that are in use."""
+def gains_help(values: Mapping[str, Any], in_use: Mapping[str, float]) -> tuple[str, str, str]:
+    """Return an SVG, a table and a warning for the edited values; the drawing has those in use dashed."""
     edited = _response(values)
     if edited is None:
-        return "", NO_MODEL
-    return _drawing(edited, _response(in_use)), explanation(values, edited)
+        return "", "", NO_MODEL
+    table = _table(values, edited) if edited.stable else ""
+    return _drawing(edited, _response(in_use)), table, gains_warning(values)
 
 
 def gains_warning(values: Mapping[str, Any]) -> str:
@@ -47,22 +49,30 @@ def gains_warning(values: Mapping[str, Any]) -> str:
     return f"Close to unstable: Ms is {response.sensitivity_peak:.2f}, above {HIGHEST_MS:g}. Reduce kp or ki."
 
 
-def explanation(values: Mapping[str, Any], now: LoopResponse) -> str:
-    """Return margins and rise time, and what more kp or ki would change."""
-    warning = gains_warning(values)
-    if not now.stable:
-        return warning
-    text = [f"{warning} " if warning else "", f"Phase margin {_degrees(now)}, gain margin {_decibels(now)}, "]
-    text += [f"Ms {now.sensitivity_peak:.2f} (the peak of the sensitivity; aim: {HIGHEST_MS:g} or less), "]
-    text += [f"rise time {_rise(now)}, overshoot {now.overshoot_percent:.0f}\N{NO-BREAK SPACE}%."]
+def _table(values: Mapping[str, Any], now: LoopResponse) -> str:
+    """Return margins and rise time now, and with more kp or ki."""
+    rows = {"now": now}
     for name in ("kp", "ki"):
         more = _response({**values, name: MORE * values[name]})
         if more is not None:
-            overshoot = f"overshoot {more.overshoot_percent:.0f}\N{NO-BREAK SPACE}%"
-            effect = f"phase margin {_degrees(more)}, rise time {_rise(more)}, {overshoot}"
-            effect = effect if more.stable else "unstable"
-            text.append(f" {100 * (MORE - 1):.0f} % more {name}: {effect}.")
-    return "".join(text)
+            rows[f"{name} +{100 * (MORE - 1):.0f}\N{NO-BREAK SPACE}%"] = more
+    head = "".join(f"<th>{column}</th>" for column in COLUMNS)
+    body = "".join(f"<tr><th>{name}</th>{_cells(response)}</tr>" for name, response in rows.items())
+    note = f"Ms is the peak of the sensitivity; aim: {HIGHEST_MS:g} or less."
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table><small>{note}</small>"
+
+
+def _cells(response: LoopResponse) -> str:
+    if not response.stable:
+        return f"<td colspan='{len(COLUMNS) - 1}'>unstable</td>"
+    figures = (
+        _degrees(response),
+        _decibels(response),
+        f"{response.sensitivity_peak:.2f}",
+        _rise(response),
+        f"{response.overshoot_percent:.0f}\N{NO-BREAK SPACE}%",
+    )
+    return "".join(f"<td>{figure}</td>" for figure in figures)
 
 
 def _response(values: Mapping[str, Any]) -> LoopResponse | None:

@@ -54,7 +54,8 @@ class GainsPanel:
         self._edited: dict[str, Any] = {}
         self._fields: dict[str, ui.number | ui.select] = {}
         self._drawing: ui.html | None = None
-        self._explanation: ui.html | None = None
+        self._margins: ui.html | None = None
+        self._warning: ui.html | None = None
         self._busy = False
         with box("tp-buttons"):
             self._apply = self._button("Apply", self._on_apply, "tp-go")
@@ -120,7 +121,8 @@ class GainsPanel:
 
     def _add_help(self) -> None:
         with box("tp-gainshelp"):
-            self._explanation = ui.html("", tag="p", sanitize=False).props("role=status")
+            self._warning = ui.html("", tag="p", sanitize=False).props("role=status")
+            self._margins = ui.html("", sanitize=False).classes("tp-margins")
             self._drawing = ui.html("", sanitize=False).classes("tp-loop")
 
     def _row(self, parameter: Parameter) -> None:
@@ -128,7 +130,8 @@ class GainsPanel:
         choices = CHOICES.get(name, {})
         with box("tp-gain"):
             ui.html(escape(name), tag="label", sanitize=False)
-            limits = "" if choices else f"{parameter.minimum:g} … {parameter.maximum:g} {parameter.unit}"
+            unit = parameter.unit.replace("^2", "²")
+            limits = "" if choices else f"{parameter.minimum:g} … {parameter.maximum:g} {unit}"
             ui.html(escape(limits), tag="small", sanitize=False)
             field: ui.number | ui.select
             if choices:
@@ -181,12 +184,15 @@ class GainsPanel:
         changes = self._changes()
         errors = {name: self._schema[name].range_error(value) for name, value in changes.items()}
         mistakes = [f"{name} {error}." for name, error in errors.items() if error]
-        if self._drawing is not None and self._explanation is not None:
-            drawing, text = ("", " ".join(mistakes)) if mistakes else gains_help(self._edited, self._on_board)
+        if self._drawing is not None and self._margins is not None and self._warning is not None:
+            drawing, margins, text = "", "", " ".join(mistakes)
+            if not mistakes:
+                drawing, margins, text = gains_help(self._edited, self._on_board)
             self._drawing.set_content(drawing)
-            self._explanation.set_content(escape(text))
+            self._margins.set_content(margins)
+            self._warning.set_content(escape(text))
             is_risky = bool(gains_warning(self._edited)) and not mistakes
-            self._explanation.classes(add="warn" if is_risky else "", remove="" if is_risky else "warn")
+            self._warning.classes(add="warn" if is_risky else "", remove="" if is_risky else "warn")
         for name, field in self._fields.items():
             field.classes(add="tp-changed") if name in changes else field.classes(remove="tp-changed")
         for element, is_usable in ((self._apply, changes and not mistakes), (self._undo, changes)):
