@@ -120,7 +120,7 @@ def square_pieces(points_m: FloatArray, half_opening_rad: float) -> list[FloatAr
         return []
     ranges_m, bearings_rad = np.hypot(*points_m.T), np.arctan2(points_m[:, 1], points_m[:, 0])
     gaps = np.hypot(*np.diff(points_m, axis=0).T) > GAP_M
-    hides = np.append(np.diff(bearings_rad) < BESIDE_RAD, False)  # the one beside it
+    hides = np.append(np.abs(np.diff(bearings_rad)) < BESIDE_RAD, False)  # the one beside it
     starts = np.concatenate(([0], np.flatnonzero(gaps) + 1))
     lasts = np.append(starts[1:] - 1, len(points_m) - 1)
     befores, afters = starts - 1, np.minimum(lasts + 1, len(points_m) - 1)

@@ -50,12 +50,16 @@ def drive(
     to_m: float = 0.1,
     visible_deg: float = 10.0,
     jump: Pose2 | None = None,
+    order: int = 1,
 ) -> Pose2:
-    """Drive along the x axis at 0.2 m/s and show each scan; return the last pose. `jump` moves the map."""
+    """Drive along the x axis at 0.2 m/s and show each scan; return the last pose.
+
+    `jump` moves the map. The `order` of the beams is -1 if the lidar turns clockwise.
+    """
     jump = jump or Pose2()
     for step, x_m in enumerate(np.arange(from_m, to_m, 0.02)):
         pose = Pose2(x_m=float(x_m))
-        glass.update(0.1 * step, jump @ pose, jump.apply(scan(pose, matt, panes, visible_deg)))
+        glass.update(0.1 * step, jump @ pose, jump.apply(scan(pose, matt, panes, visible_deg)[::order]))
     return pose
 
 
@@ -71,6 +75,12 @@ def test_a_pane_goes_on_ahead_of_what_was_seen_of_it(glass: Glass) -> None:
     slope = (PANE[3] - PANE[1]) / (PANE[2] - PANE[0])
     off_m = glass.points_m[:, 1] - PANE[1] - slope * (glass.points_m[:, 0] - PANE[0])
     assert np.abs(off_m).max() < 0.03
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_what_is_nearer_beyond_silent_beams_does_not_hide_a_pane(glass: Glass, order: int) -> None:
+    drive(glass, ((0.3, -0.3, 0.3, -0.1),), ((-0.5, -0.6, 1.0, -0.6),), order=order)
+    assert len(glass.points_m)
 
 
 def test_the_robot_does_not_drive_on_into_a_pane_of_which_it_sees_a_piece_beside_it(glass: Glass) -> None:
