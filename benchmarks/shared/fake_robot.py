@@ -95,6 +95,7 @@ class FakeRobot:
     lidar_scans: int = 567
     experiment: str = ""  # the one that runs
     experiment_result: str = ""  # of the one before
+    experiment_lines: tuple[str, ...] = ("left: 3 rad/s",)
     has_sensors: bool = False  # a BNO08x, a GPS receiver, and a camera with a detector
     annotations: Annotations = field(default_factory=Annotations)
     grid: OccupancyGrid = field(default_factory=room)
@@ -130,7 +131,7 @@ class FakeRobot:
         self.state = State.CLOSED_LOOP
         self.simulated_speed = 1.0
         self.simulated_faults, self.experiment, self.has_sensors = {}, "", False
-        self.experiment_result = ""
+        self.experiment_result, self.experiment_lines = "", ("left: 3 rad/s",)
         self.simulated_world = "lab"
         self.grid = room()
         self.parameters = {spec.name: spec.default for spec in PARAMETERS}
@@ -255,7 +256,7 @@ class FakeRobot:
                         running=self.experiment,
                         share=0.2,
                         what="step 3" if self.experiment else self.experiment_result,
-                        lines=["left: 3 rad/s", self.experiment_result],
+                        lines=[*self.experiment_lines, self.experiment_result],
                         problem="",
                         has_report=False,
                     )

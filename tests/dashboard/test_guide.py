@@ -22,7 +22,7 @@ from thumper.common.geometry import Pose2
 from thumper.config.robot import load_config
 from thumper.dashboard.guide import guide as guide_module
 from thumper.dashboard.guide.command import StepCommand
-from thumper.dashboard.guide.guide import NO_BETTER, Guide, Step, judge_check, progress_text
+from thumper.dashboard.guide.guide import KEPT, NO_BETTER, Guide, Step, judge_check, progress_text
 from thumper.dashboard.guide.robot_file import (
     WORLDS,
     Ports,
@@ -239,18 +239,18 @@ def guide_after_tuning(*states: ExperimentState) -> Guide:
     ("last", "is_tuned", "text"),
     [
         (
-            "the board uses the new gains",
+            f"the board uses the new gains: {LINES[0]}",
             True,
             f"{CHANGE}. The board uses the new gains. Keep them?",
         ),
-        (NO_BETTER, False, f"{NO_BETTER}: {CHANGE}"),
+        (f"{KEPT}{LINES[1]}", False, f"{NO_BETTER}: {CHANGE}"),
     ],
 )
 def test_tuning_ends_with_its_figures_and_only_better_gains_are_a_question(
     last: str, is_tuned: bool, text: str
 ) -> None:
     state = ExperimentState(
-        running="tune", share=0.5, what="", lines=[*LINES, last], problem="", has_report=True
+        running="tune", share=0.5, what=last, lines=[*LINES, last], problem="", has_report=True
     )
     guide = guide_after_tuning(state, replace(state, running=""))
     assert (guide.is_tuned, guide.busy) == (is_tuned, None)

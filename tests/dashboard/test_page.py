@@ -53,6 +53,14 @@ def test_the_result_of_an_experiment_is_above_its_lines(page: Page, robot: FakeR
     robot.experiment_result = "the board uses the new gains"
     expect(page.locator(".tp-tune .tp-message")).to_have_text("the board uses the new gains")
     expect(page.locator(".tp-lines div")).to_have_text(["left: 3 rad/s"])
+    expect(page.locator(".tp-lines")).to_be_visible()
+    robot.experiment_lines = tuple(f"line {number}" for number in range(18))
+    expect(page.locator(".tp-lines div")).to_have_count(18)
+    expect(page.locator(".tp-lines")).to_be_hidden()
+    page.get_by_text("Details", exact=True).click()
+    expect(page.locator(".tp-lines")).to_be_visible()
+    page.wait_for_timeout(600)  # more states arrive
+    expect(page.locator(".tp-lines")).to_be_visible()
 
 
 def test_lost_pose_is_shown_with_its_reason(page: Page, robot: FakeRobot) -> None:

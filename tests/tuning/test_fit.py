@@ -62,7 +62,7 @@ def test_a_friction_that_rounds_to_zero_has_no_sign() -> None:
     motor = identify([make_log(Wheel(), 4)])
     none = replace(motor.model, friction_forward=-0.001, friction_backward=0.0)
     printed = "\n".join(motor_lines(replace(motor, model=none)))
-    assert "static friction       0.00 +- " in printed
+    assert "static friction       0.00 ± " in printed
     assert "-0.00" not in printed
 
 

@@ -10,7 +10,7 @@ from thumper_tuning.design.gains import DesignOptions, design
 from thumper_tuning.drive.verify import COLUMNS, TrackingError, Verification, tracking_error
 from thumper_tuning.identify.model import MotorModel, Uncertainty
 from thumper_tuning.report.page import BoardResults, verdict
-from thumper_tuning.report.text import design_lines, is_better, tracking_change
+from thumper_tuning.report.text import deciding_change, design_lines, is_better, tracking_change
 
 
 def drive(std_rad_s: float, seed: int) -> TrackingError:
@@ -64,6 +64,13 @@ def test_gains_are_better_if_a_ramp_is_and_none_is_worse(
 ) -> None:
     before, after = verification(DESIGN.gains, *before_rad_s), verification(DESIGN.gains, *after_rad_s)
     assert is_better(before, after, DESIGN) is better
+
+
+def test_the_result_has_the_ramp_that_decides() -> None:
+    before, after = verification(DESIGN.gains, 0.1, 0.1), verification(DESIGN.gains, 0.2, 0.05)
+    assert [deciding_change(before, after, better=better) for better in (True, False)] == [
+        tracking_change(before.tracking[k], after.tracking[k]) for k in (1, 0)
+    ]
 
 
 def test_gains_that_are_less_sensitive_or_accelerate_otherwise_are_better() -> None:

@@ -37,10 +37,11 @@ def tune_wheels(context: ExperimentContext) -> Path | None:
     with original_gains(context.board) as old:
         tuning = _procedure(context).tune(options, old)
         if tuning.better:
-            outcome = "the board uses the new gains; under Gains, save them or revert to the saved ones"
+            hint = "Under Gains, save them or revert to the saved ones."
+            outcome = f"the board uses the new gains: {tuning.change}. {hint}"
         else:
             write_gains(context.board, old)
-            outcome = "the new gains are no better; the board uses the old ones again"
+            outcome = f"kept the old gains: {tuning.change}"
     context.report_result(outcome)
     return tuning.report
 

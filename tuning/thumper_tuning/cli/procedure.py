@@ -18,7 +18,13 @@ from thumper_tuning.identify.motor import IdentifiedMotor, identify
 from thumper_tuning.logs.read import read_runs
 from thumper_tuning.report.export import write_models
 from thumper_tuning.report.page import BoardResults, write_report
-from thumper_tuning.report.text import design_lines, is_better, tracking_change, tracking_lines
+from thumper_tuning.report.text import (
+    deciding_change,
+    design_lines,
+    is_better,
+    tracking_change,
+    tracking_lines,
+)
 
 T = TypeVar("T")
 GAINS = {"before": "old", "after": "new"}
@@ -44,6 +50,7 @@ class Tuning:
 
     report: Path
     better: bool  # the new gains are worth saving
+    change: str  # of the tracking error, by which that was decided
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +99,8 @@ class BoardProcedure:
         report = self.progress.run_in_thread(
             lambda: write_report(self.folder / "report.html", motors, result, results)
         )
-        return Tuning(report=report, better=better)
+        change = deciding_change(before, after, better=better)
+        return Tuning(report=report, better=better, change=change)
 
     def _design(self, motors: list[IdentifiedMotor], options: DesignOptions) -> Design:
         period_s = 1.0 / self.board.identity.control_rate_Hz

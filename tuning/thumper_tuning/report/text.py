@@ -30,14 +30,14 @@ def motor_lines(motor: IdentifiedMotor) -> list[str]:
     )
     window = []
     if motor.fit.sensor_window_s is not None:
-        window = [f"  sensor window    {motor.sensor_window_s:9.4f} +- {std.sensor_window_s:.4f} s"]
+        window = [f"  sensor window    {motor.sensor_window_s:9.4f} ± {std.sensor_window_s:.4f} s"]
     return [
         f"{motor.name}: predicts held-out speeds to {motor.validation.fit_percent:.1f} %"
         + (f" ({kinds})" if kinds else ""),
-        f"  gain             {model.gain:9.5f} +- {std.gain:.5f} rad/s per {unit}",
-        f"  time constant    {model.time_constant_s:9.4f} +- {std.time_constant_s:.4f} s",
-        f"  static friction  {model.friction:z9.2f} +- {std.friction:.2f} {unit} ({directions})",
-        f"  delay            {model.delay_s:9.4f} +- {std.delay_s:.4f} s",
+        f"  gain             {model.gain:9.5f} ± {std.gain:.5f} rad/s per {unit}",
+        f"  time constant    {model.time_constant_s:9.4f} ± {std.time_constant_s:.4f} s",
+        f"  static friction  {model.friction:z9.2f} ± {std.friction:.2f} {unit} ({directions})",
+        f"  delay            {model.delay_s:9.4f} ± {std.delay_s:.4f} s",
         *window,
         *[f"  note: {warning}" for warning in motor.warnings],
         *[f"  read {line}" for line in motor.columns],
@@ -47,21 +47,21 @@ def motor_lines(motor: IdentifiedMotor) -> list[str]:
 def partial_lines(motor: PartialMotor) -> list[str]:
     """Return what the log determines, what it does not, and what to record next."""
     unit = motor.unit.name if motor.unit is DriveUnit.PWM else motor.unit.value
-    delay = [f"  delay            {motor.delay_s:9.4f} +- {motor.delay_std_s:.4f} s"]
+    delay = [f"  delay            {motor.delay_s:9.4f} ± {motor.delay_std_s:.4f} s"]
     if "delay_s" in motor.not_determined:
         delay = []
-    found = [f"  time constant    {motor.time_constant_s:9.4f} +- {motor.time_constant_std_s:.4f} s", *delay]
+    found = [f"  time constant    {motor.time_constant_s:9.4f} ± {motor.time_constant_std_s:.4f} s", *delay]
     if motor.static is not None:
         model, std = motor.model, motor.static
         found = [
-            f"  gain             {model.gain:9.5f} +- {std.gain:.5f} rad/s per {unit}",
-            f"  static friction  {model.friction:z9.2f} +- {std.friction:.2f} {unit}",
+            f"  gain             {model.gain:9.5f} ± {std.gain:.5f} rad/s per {unit}",
+            f"  static friction  {model.friction:z9.2f} ± {std.friction:.2f} {unit}",
         ]
     return [
         f"{motor.name}: the log determines a part of the model (it explains {motor.fit_percent:.0f} %)",
         *found,
         *[
-            f"  speed            {s.speed_rad_s:9.3f} +- {s.std_rad_s:.3f} rad/s at {s.drive:.4g} {unit}"
+            f"  speed            {s.speed_rad_s:9.3f} ± {s.std_rad_s:.3f} rad/s at {s.drive:.4g} {unit}"
             for s in motor.steady
         ],
         f"  not determined   {', '.join(motor.not_determined)}: {motor.reason}",
@@ -75,9 +75,9 @@ def motor_summary(motor: IdentifiedMotor) -> list[str]:
     """Return the identified parameters in one line, and the warnings."""
     model, std = motor.model, motor.uncertainty
     return [
-        f"{motor.name}: gain {model.gain:.5f} +- {std.gain:.5f} rad/s per PWM, time constant "
-        f"{model.time_constant_s:.4f} +- {std.time_constant_s:.4f} s, static friction "
-        f"{model.friction:z.1f} +- {std.friction:.1f} PWM; predicts {motor.validation.fit_percent:.1f} %",
+        f"{motor.name}: gain {model.gain:.5f} ± {std.gain:.5f} rad/s per PWM, time constant "
+        f"{model.time_constant_s:.4f} ± {std.time_constant_s:.4f} s, static friction "
+        f"{model.friction:z.1f} ± {std.friction:.1f} PWM; predicts {motor.validation.fit_percent:.1f} %",
         *[f"note: {warning}" for warning in motor.warnings],
     ]
 
@@ -86,13 +86,14 @@ def design_lines(design: Design) -> list[str]:
     """Return the gains, the loop's margins, and a warning if another load or battery reduces them."""
     wire = design.gains.wire_values()
     margins, worst, step = design.margins, design.worst_case, design.step_info
+    units = {name: spec.unit.replace("^2", "²") for name, spec in PARAMETER_SPECS.items()}
     lines = [
-        f"  {name:13} {value:9.4f} {PARAMETER_SPECS[name].unit:20} (stored as {wire[name]})"
+        f"  {name:13} {value:9.4f} {units[name]:20} (stored as {wire[name]})"
         for name, value in design.gains.items()
     ]
     lines += [
         f"  Ms {margins.max_sensitivity:.2f} (other battery or load: up to {worst.max_sensitivity:.2f}), "
-        f"gain margin {margins.gain_margin_dB:.1f} dB, phase margin {margins.phase_margin_deg:.0f} deg, "
+        f"gain margin {margins.gain_margin_dB:.1f} dB, phase margin {margins.phase_margin_deg:.0f}°, "
         f"delay margin {margins.delay_margin_s:.3f} s",
         f"  PI alone: settles in {step.settling_time_s:.2g} s, overshoot {step.overshoot_percent:.0f} %",
     ]
@@ -117,6 +118,12 @@ def tracking_change(before: TrackingError, after: TrackingError) -> str:
     if _change_rad_s(before, after) != 0.0:
         return text
     return f"{text}, no change beyond the noise of ±{_noise_rad_s(before, after):.3f}"
+
+
+def deciding_change(before: Verification, after: Verification, *, better: bool) -> str:
+    """Return the change of the ramp that improved most; of the one that improved least if none is better."""
+    pairs = zip(before.tracking, after.tracking, strict=True)
+    return tracking_change(*(min if better else max)(pairs, key=lambda pair: _change_rad_s(*pair)))
 
 
 def _noise_rad_s(before: TrackingError, after: TrackingError) -> float:
@@ -146,7 +153,7 @@ def is_better(before: Verification, after: Verification, design: Design) -> bool
 def tracking_lines(verification: Verification) -> list[str]:
     """Return the tracking error, one line per ramp."""
     return [
-        f"  ramp {t.acceleration_rad_s2:g} rad/s^2: error mean {t.mean_rad_s:+.3f}, std "
+        f"  ramp {t.acceleration_rad_s2:g} rad/s²: error mean {t.mean_rad_s:+.3f}, std "
         f"{t.std_rad_s:.3f} rad/s (a loop without preview: {t.no_preview_std_rad_s:.2f} at best)"
         for t in verification.tracking
     ]

@@ -34,6 +34,7 @@ FIRST_DRIVE_M = 0.3
 MISSION_END = re.compile(r"(?:goal|route) .*? (reached|not reached|ended)(?:: | after )")
 EXPLORED = re.compile(r"explored: |.*; back at the start$")
 RETURNING = re.compile(r"(explored|time is up) after ")  # without "back at the start"
+KEPT = "kept the old gains: "  # how the result of a tuning begins that brought no better ones
 NO_BETTER = "the new gains are no better; the board uses the old ones again"
 TRACKING = re.compile(r"tracking error at (\S+ rad/s²) (\S+) → (\S+) rad/s(, no change)?")
 SAVED, NOT_SAVED = "map saved: ", "the map was not saved: "
@@ -103,7 +104,7 @@ def _change_text(found: re.Match[str]) -> str:
 
 def tuned_text(state: ExperimentState) -> str:
     """Return what tuning brought."""
-    if state.lines[-1:] == [NO_BETTER]:
+    if state.what.startswith(KEPT):
         return f"{NO_BETTER}: {tracking_changes(state)}"
     return f"{tracking_changes(state)}. The board uses the new gains. Keep them?"
 
@@ -361,7 +362,7 @@ class Guide:
             self._set("warn", progress_text(state))
         elif self._is_tuning:
             self.busy, self._is_tuning = None, False
-            self.is_tuned = not state.problem and state.lines[-1:] != [NO_BETTER]
+            self.is_tuned = not state.problem and not state.what.startswith(KEPT)
             self._change = tracking_changes(state)
             if state.problem == STOPPED:
                 self._set("skip", "stopped; press Tune to begin again")

@@ -7,6 +7,8 @@ import { on, send } from "./stream.js";
 const EXPERIMENTS = ["identify", "tune"];
 const TAKES_S = { identify: 45, tune: 90 }; // of a simulated robot, in real time
 
+const FEW_LINES = 4; // the motors of both sides are shown at once
+
 // "38 %, about 60 s left"; empty if the share is not known.
 function progressText({ running, share }) {
   if (!share) return "";
@@ -36,7 +38,7 @@ export function tune(root) {
     <p class="tp-hint" data-tune="why" hidden></p>
     <div class="tp-progress" hidden><div></div></div>
     <p class="tp-message" role="status"></p>
-    <div class="tp-lines"></div>
+    <details hidden><summary>Details</summary><div class="tp-lines"></div></details>
     <a href="/report" target="_blank" hidden>Open the report in a new tab</a>
     <iframe title="report" sandbox hidden></iframe>`;
   const find = (name) => root.querySelector(`[data-tune=${name}]`);
@@ -44,6 +46,7 @@ export function tune(root) {
   const laneLength = root.querySelector(".tp-lane");
   const progress = root.querySelector(".tp-progress");
   const message = root.querySelector(".tp-message");
+  const details = root.querySelector("details");
   const resultLines = root.querySelector(".tp-lines");
   const reportLink = root.querySelector("a");
   const reportFrame = root.querySelector("iframe");
@@ -96,6 +99,8 @@ export function tune(root) {
       row.textContent = line;
       return row;
     }));
+    details.hidden = lines.length === 0;
+    if (!running) details.open = lines.length <= FEW_LINES;
     const hasReport = Boolean(state?.has_report) && !running;
     if (hasReport && reportFrame.hidden) reportFrame.src = `/report?${Date.now()}`;
     reportLink.hidden = reportFrame.hidden = !hasReport;
