@@ -8,7 +8,7 @@ import pytest
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.costmap import ray_evidence as ray_evidence_module
-from thumper.navigation.costmap.obstacle_memory import ObstacleMemory, ObstacleMemoryOptions
+from thumper.navigation.costmap.obstacle_memory import BESIDE_M, ObstacleMemory, ObstacleMemoryOptions
 from thumper.navigation.costmap.ray_evidence import Evidence, ScanRays
 from thumper.navigation.footprint import Footprint
 
@@ -49,6 +49,17 @@ def test_silent_scans_from_one_pose_do_not_clear_a_point_beside_the_robot() -> N
     for cycle in range(1, 30):
         left = memory.update(0.1 * cycle, Pose2(), ring(2.0, silent_rad=0.06))
         assert left == pytest.approx(POST)
+
+
+def test_silent_scans_from_one_pose_clear_a_point_further_away() -> None:
+    """People who have walked through an open hall would otherwise leave obstacles behind."""
+    memory, nothing = memory_of_the_post(), np.empty((0, 2))
+    further = np.array(((Footprint().circumscribed_radius_m + BESIDE_M + 0.02, 0.0),))
+    memory.update(0.0, Pose2(), further)
+    for time_s in (0.1, 0.3, 0.51, 0.7, 0.9):
+        assert memory.update(time_s, Pose2(), nothing) == pytest.approx(np.vstack((POST, further)))
+    for time_s in (0.92, 1.5, 5.0):
+        assert memory.update(time_s, Pose2(), nothing) == pytest.approx(POST)  # beside the robot
 
 
 def test_silent_scans_from_several_poses_clear_an_open_hall() -> None:
