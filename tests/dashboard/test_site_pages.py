@@ -215,6 +215,27 @@ def test_descriptions_of_tables_are_on_the_screen_of_a_phone(
     page.close()
 
 
+def test_rows_for_users_of_ros_are_stacked_on_a_phone(browser: Browser, pages: Path) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.goto((pages / "explanation/from-ros.html").as_uri())
+    table = page.locator("article table").first
+    expect(table.locator("thead")).to_be_hidden()
+    lefts = table.locator("td").evaluate_all("(all) => all.map((one) => one.getBoundingClientRect().left)")
+    assert len(set(lefts)) == 1
+    assert table.evaluate("(one) => one.getBoundingClientRect().right") <= 390
+    page.close()
+
+
+def test_code_in_one_name_does_not_stack_a_table_of_figures(browser: Browser, pages: Path) -> None:
+    page = browser.new_page(viewport={"width": 390, "height": 844})
+    page.goto((pages / "results/mapping.html").as_uri())
+    heads = page.locator("article table").first.locator("th")
+    tops = heads.evaluate_all("(all) => all.map((one) => one.getBoundingClientRect().top)")
+    assert len(tops) == 4
+    assert len(set(tops)) == 1
+    page.close()
+
+
 @pytest.mark.parametrize("width", some_of([390, 1440, 1024], 2))
 def test_first_page_fits_the_window_and_its_buttons_lead_on(
     browser: Browser, pages: Path, width: int
@@ -457,7 +478,7 @@ def test_answers_are_wider_than_their_links_on_a_phone(browser: Browser, pages: 
     page = browser.new_page(viewport={"width": 390, "height": 900})
     page.goto((pages / "results/mapping.html").as_uri())
     table = page.locator("article table").first
-    answer, link = table.locator("td:nth-child(2), td:nth-child(3)").evaluate_all(
+    answer, link = table.locator("td:nth-child(2), td:nth-child(4)").evaluate_all(
         "all => all.slice(0, 2).map((one) => one.offsetWidth)"
     )
     assert answer > link
