@@ -87,13 +87,15 @@ def run_in_browser(out: Path, *, seed: int, console: Console, preset: str = "nom
         outcomes = []
         for number, mission in enumerate(MISSIONS, start=1):
             robots.close()  # of the mission before
-            console.print(f"mission {number} of {len(MISSIONS)}: {mission.title}", highlight=False)
-            bus.notice = f"starting mission {number} of {len(MISSIONS)}: {mission.title}"
+            title = f"mission {number} of {len(MISSIONS)}: {mission.title}"
+            console.print(title, highlight=False)
+            bus.notice = f"starting {title}"
             started_s = time.perf_counter()
             robot = robots.enter_context(
                 opened(mission, seed=seed, realtime=True, record_to=out / "recordings", preset=preset)
             )
             bus.connect(robot)
+            robot.request_queue.put(LogMessage(text=title))  # the time of the events begins again
             bus.notice = f"mission {number} of {len(MISSIONS)} is over; comparing its map with the room"
             outcomes.append(drive(robot, mission, console, started_s=started_s))
         bus.notice = "both missions are over; writing the results"
