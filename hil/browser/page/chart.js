@@ -6,10 +6,14 @@ const SPAN = 100;  // telemetry messages: 10 s
 const LEFT = 34, BOTTOM = 4, TOP = 4;
 
 export class Chart {
-  /** `series`: [{colour, value(telemetry), wide}]; `least`: the smallest half range of the axis. */
-  constructor(canvas, { series, least }) {
+  /**
+   * `series`: [{colour, value(telemetry), wide}]; `least`: the smallest half range of the axis;
+   * `scale`: the series that the axis has room for, so that charts with the same one can be compared.
+   */
+  constructor(canvas, { series, least, scale = series }) {
     this.canvas = canvas;
     this.series = series;
+    this.scale = scale;
     this.least = least;
   }
 
@@ -17,7 +21,7 @@ export class Chart {
     const { context, width, height } = fit(this.canvas);
     const paint = colours(this.canvas);
     const shown = history.slice(-SPAN);
-    const most = Math.max(this.least, ...shown.flatMap((each) => this.series.map(({ value }) => Math.abs(value(each)))));
+    const most = Math.max(this.least, ...shown.flatMap((each) => this.scale.map(({ value }) => Math.abs(value(each)))));
     const x = (i) => LEFT + ((i + SPAN - shown.length) / (SPAN - 1)) * (width - LEFT - 2);
     const y = (value) => TOP + ((most - value) / (2 * most)) * (height - TOP - BOTTOM);
     context.clearRect(0, 0, width, height);

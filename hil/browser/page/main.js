@@ -69,9 +69,11 @@ function chartsOf(find) {
     { colour: side, value: (each) => each[`${side}_speed`] / 1000 },
   ];
   const pwm = ["left", "right"].map((side) => ({ colour: side, value: (each) => each[`${side}_pwm`] }));
+  const [left, right] = [speeds("left"), speeds("right")];
+  const scale = [...left, ...right];
   return [
-    new Chart(find("[data-chart=left]"), { series: speeds("left"), least: 8 }),
-    new Chart(find("[data-chart=right]"), { series: speeds("right"), least: 8 }),
+    new Chart(find("[data-chart=left]"), { series: left, scale, least: 8 }),
+    new Chart(find("[data-chart=right]"), { series: right, scale, least: 8 }),
     new Chart(find("[data-chart=pwm]"), { series: pwm, least: 255 }),
   ];
 }
