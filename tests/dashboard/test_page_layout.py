@@ -185,6 +185,10 @@ def test_the_box_of_a_fault_folds_up_until_the_next_fault(page: Page, robot: Fak
         for _ in range(2):
             robot.fault, robot.fault_words = Fault.STALL_LEFT, "stall left"
             robot.fault_cure = "the left wheels do not turn; are they blocked?"
+            if width < 500:  # it is folded up at first
+                expect(page.locator(".tp-fault-words")).to_be_visible()
+                expect(page.locator(".tp-fault-cure")).to_be_hidden()
+                page.click(".tp-fault summary")
             expect(page.locator(".tp-fault-cure")).to_be_visible()
             page.click(".tp-fault summary")
             expect(page.locator(".tp-fault-cure")).to_be_hidden()
@@ -204,6 +208,9 @@ def test_a_fault_takes_two_lines_on_a_low_screen(page: Page, robot: FakeRobot) -
     box = page.locator(".tp-fault").bounding_box()
     assert box is not None
     assert box["height"] <= 50
+    robot.simulated_faults["slip.left"] = 0.5
+    expect(page.locator(".tp-fault-injected")).to_contain_text("slip.left")
+    expect(page.locator(".tp-fault-injected")).to_be_visible()
 
 
 def test_a_phone_on_its_side_shows_map_and_joystick_beside_each_other(page: Page) -> None:

@@ -13,6 +13,8 @@ const FAULT = ".tp-fault, .tg-fault";
 const EXPLORATION_ENDS = /^not back at the start: |^explored: |; back at the start$/;
 const OPEN_SELECT = ".q-menu, .q-dialog"; // Quasar closes these on Esc by itself
 
+const PHONE = window.matchMedia("(max-width: 560px)");
+
 const WAITING_STOP = "tp-waiting-stop";
 let answeredBy = Infinity; // the number of the heartbeat whose answer shows that the stop has arrived
 const ESC_PAUSE_MS = 500; // after an Esc that closed something, one more is no emergency stop
@@ -154,7 +156,8 @@ export function startCommands() {
     const hasFault = Boolean(state.values.status?.fault);
     if (hasFault && !hadFault) {
       document.querySelectorAll(".tp-notice.good").forEach((notice) => notice.remove());
-      document.querySelector(".tp-fault details")?.setAttribute("open", ""); // each fault says once what to do
+      // Each fault says once what to do; on a phone it would cover the robot.
+      document.querySelector(".tp-fault details")?.toggleAttribute("open", !PHONE.matches);
     }
     if (hadFault && !hasFault) {
       state.stopPressed = "";
