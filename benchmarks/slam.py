@@ -1,6 +1,7 @@
 """SLAM on recorded logs: CPU time per scan and error of relative poses, next to other programs.
 
-Run: python benchmarks/slam.py [--data FOLDER] [--method slam|scan_match|rbpf] [--seeds N] [--vary]
+Run: python benchmarks/slam.py [--data FOLDER] [--method slam|scan_match|rbpf] [--seeds N] [--beam-std M]
+                                [--vary]
 
 The logs are in the folder's subfolder `slam`; the default folder is THUMPER_DATA or ../shared/data.
 """
@@ -79,9 +80,9 @@ def run(log: RobotLog, options: MappingOptions) -> Run:
     )
 
 
-def seeded(method: Method, seed: int) -> MappingOptions:
+def seeded(method: Method, seed: int, matching: MatchOptions) -> MappingOptions:
     """Return the default options with this seed of the particle filter."""
-    options = MappingOptions(method=method)
+    options = MappingOptions(method=method, matching=matching)
     return replace(options, filter=replace(options.filter, seed=seed))
 
 
@@ -175,8 +176,12 @@ def main() -> None:
     parser.add_argument("--method", choices=("slam", "scan_match", "rbpf"), default="slam")
     parser.add_argument("--seeds", type=int, default=1, help="run the particle filter with seeds 1 to N")
     parser.add_argument("--vary", action="store_true", help="only the spread of the path error on Intel")
+    parser.add_argument(
+        "--beam-std", type=float, default=MatchOptions().beam_std_m, help="beam_std_m of the scan match, m"
+    )
     arguments = parser.parse_args()
     folder, method = arguments.data / "slam", arguments.method
+    matching = MatchOptions(beam_std_m=arguments.beam_std)
     console = Console()
     require_data(folder / "intel-lab.clf.gz")
     intel = open_log(folder / "intel-lab.clf.gz")
@@ -188,12 +193,12 @@ def main() -> None:
     mines = open_log(folder / "mines-exp1.dat.gz")
     seeds = range(arguments.seeds, 0, -1)  # the tables show seed 1
     for seed in seeds:
-        result = first = run(mines, seeded(method, seed))
+        result = first = run(mines, seeded(method, seed, matching))
         console.print(timing(f"MINES, seed {seed}", result), soft_wrap=True)
         console.print(f"MINES, seed {seed}: squareness {squareness(mines, result.poses):.3f}")
     means = []  # path [m], path [deg], online [m]
     for seed in seeds:
-        result = run(intel, seeded(method, seed))
+        result = run(intel, seeded(method, seed, matching))
         errors, online = relation_errors(result.poses, relations), relation_errors(result.online, relations)
         console.print(timing(f"Intel, seed {seed}", result), soft_wrap=True)
         console.print(accuracy(f"Intel, seed {seed}", errors, online), soft_wrap=True)
