@@ -53,6 +53,23 @@ def test_robot_drives_by_itself_within_ten_seconds(front_page: Page, site: Path)
     assert sum(path.stat().st_size for path in (site / "robot").iterdir()) <= MAX_BYTES
 
 
+def test_speed_charts_of_both_sides_have_one_scale(front_page: Page) -> None:
+    wait(front_page, "true")
+    front_page.evaluate("""() => {
+      const { prototype } = CanvasRenderingContext2D;
+      const { fillText } = prototype;
+      window.highest = {};
+      prototype.fillText = function (text, ...place) {
+        const side = this.canvas.dataset.chart;
+        if (side && Number(text) > 0) window.highest[side] = text;
+        fillText.call(this, text, ...place);
+      };
+      document.getElementById("robot").simulation.history.at(-1).right_speed = 13_000;
+    }""")
+    front_page.locator("[data-chart=left]").scroll_into_view_if_needed()
+    front_page.wait_for_function("highest.left === '13' && highest.right === '13' && highest.pwm === '255'")
+
+
 def test_keys_drive_and_their_release_stops(front_page: Page) -> None:
     wait(front_page, "true")
     front_page.locator(".robot-room").focus()
