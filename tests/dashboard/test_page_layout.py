@@ -276,7 +276,7 @@ def test_header_fits_on_a_phone_with_its_longest_state(page: Page, robot: FakeRo
 
 def test_arm_needs_no_scroll_on_a_phone(page: Page) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
-    for name in (".tp-arm", "text=Explore"):
+    for name in (".tp-arm", "button >> text=Explore"):
         button, stop = page.locator(name).bounding_box(), page.locator(".tp-estop").bounding_box()
         assert button is not None
         assert stop is not None

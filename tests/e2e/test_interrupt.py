@@ -64,7 +64,7 @@ def test_ctrl_c_while_the_map_is_written_waits_for_it(tmp_path: Path) -> None:
         check=False,
     )
     assert (done.returncode, done.stderr) == (130, "thumper: interrupted\n")
-    assert f"summary.json are in {tmp_path}/\nreached:" in done.stdout
+    assert f"summary.json are in {tmp_path}/\nat the goal (0.40, 0.00)" in done.stdout
     assert (tmp_path / "map.session").exists()
     assert not (tmp_path / "autosave.session").exists()
 

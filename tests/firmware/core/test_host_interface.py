@@ -26,7 +26,7 @@ def test_identity_carries_the_schema_hash(host: HostInterface) -> None:
     assert (identity.wheel_radius_mm, identity.track_mm) == (62, 245)
     assert identity.reset_cause is m.ResetCause.POWER_ON
     version = f"{identity.version_major}.{identity.version_minor}.{identity.version_patch}"
-    assert f"\nVersion {version} of the firmware" in DOCUMENT.read_text(encoding="utf-8")
+    assert f"of version {version}, on a DAGU" in DOCUMENT.read_text(encoding="utf-8")
 
 
 def test_set_points_apply_only_in_closed_loop(host: HostInterface) -> None:

@@ -230,6 +230,7 @@ NOT_OF_THE_FIRMWARE = frozenset(
         "a goal in a wall that the map shows",
         "the pose jitters or jumps while an obstacle is beside the tail, out of view",
         "somebody who walks past puts a foot down beside the tail, out of view",
+        "a pane of glass converges with the way; each scan shows a short piece of it beside the robot",
         "`thumper stop` while a program repeats its velocity command",
         "the emergency stop's frame is lost on a bad line",
         "the emergency stop is sent in a flood of other commands",
