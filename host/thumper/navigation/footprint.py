@@ -73,3 +73,11 @@ class Footprint:
             count = max(1, math.ceil(math.dist(start, end) / spacing_m))
             pieces.append(start + (end - start) * (np.arange(count) / count)[:, None])
         return np.concatenate(pieces)
+
+
+def outside_m(points_in_base_m: FloatArray, half_planes: FloatArray) -> FloatArray:
+    """Return how far points, shape (n, 2), are outside an outline's edges, shape (n,); inside: below zero.
+
+    `half_planes` are those of `Footprint.half_planes`.
+    """
+    return np.asarray((points_in_base_m @ half_planes[:, :2].T - half_planes[:, 2]).max(axis=1))

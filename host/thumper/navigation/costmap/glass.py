@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.costmap.ray_evidence import Evidence, ScanRays
-from thumper.navigation.footprint import Footprint
+from thumper.navigation.footprint import Footprint, outside_m
 
 REACH_M = 1.2  # from the lidar: further away, the piece that is seen is longer, and most are not glass
 GAP_M = 0.05  # neighbouring hits further apart belong to different pieces
@@ -102,8 +102,7 @@ class Glass:
         distance_m = np.maximum(np.hypot(*away_m.T), 1e-9)
         square = np.abs(np.sum(away_m * self._normals, axis=1)) >= math.cos(SQUARE_RAD) * distance_m
         evidence = ScanRays(self._view, scan_pose, hits_m).evidence(self.points_m, CLEARING_M)
-        in_base_m = scan_pose.inverse().apply(self.points_m)
-        below = (self._half_planes[:, 2] - in_base_m @ self._half_planes[:, :2].T).min(axis=1) > BELOW_M
+        below = outside_m(scan_pose.inverse().apply(self.points_m), self._half_planes) < -BELOW_M
         self._keep(~(square & (evidence == Evidence.PASSED)) & ~below & (distance_m <= self._radius_m))
 
     def _keep(self, kept: NDArray[np.bool_]) -> None:

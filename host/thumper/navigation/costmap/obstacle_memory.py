@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from thumper.common.geometry import FloatArray, Pose2
 from thumper.lidar.field_of_view import FieldOfView
 from thumper.navigation.costmap.ray_evidence import BIN_RAD, Evidence, ScanRays
-from thumper.navigation.footprint import Footprint
+from thumper.navigation.footprint import Footprint, outside_m
 
 CLEARING_M = 0.08  # a ray that passes this far behind a point clears it
 # Looks without an echo from a point clear it, too, if the lidar has moved between them: an open hall returns
@@ -174,9 +174,8 @@ class ObstacleMemory:
 
     def _are_below(self, map_from_base: Pose2) -> NDArray[np.bool_]:
         """Return which points are below the robot."""
-        points_m = map_from_base.inverse().apply(self._points_m)
-        depths_m = self._half_planes[:, 2] - points_m @ self._half_planes[:, :2].T
-        below: NDArray[np.bool_] = depths_m.min(axis=1) > BELOW_M
+        in_base_m = map_from_base.inverse().apply(self._points_m)
+        below: NDArray[np.bool_] = outside_m(in_base_m, self._half_planes) < -BELOW_M
         return below
 
     def _count_distance(self, map_from_base: Pose2) -> None:

@@ -18,7 +18,7 @@ from thumper.lidar.field_of_view import FieldOfView
 from thumper.maps.occupancy_grid import FREE, OccupancyGrid
 from thumper.navigation.costmap.obstacle_memory import LOOK_STEP_M, SILENT_LOOKS
 from thumper.navigation.costmap.ray_evidence import Look
-from thumper.navigation.footprint import Footprint
+from thumper.navigation.footprint import Footprint, outside_m
 
 REACH_M = 0.25  # beyond the robot's circle: further than it moves before it can stop
 # Ground this near to where the robot is at first counts as seen: a robot that may not move at all could
@@ -124,8 +124,7 @@ class UnseenGround:
 
     def _outside_m(self, points_m: FloatArray, map_from_base: Pose2) -> FloatArray:
         """Return how far points, shape (n, 2), are outside the footprint's edges at a pose, shape (n,)."""
-        in_base_m = map_from_base.inverse().apply(points_m)
-        return np.asarray((in_base_m @ self._half_planes[:, :2].T - self._half_planes[:, 2]).max(axis=1))
+        return outside_m(map_from_base.inverse().apply(points_m), self._half_planes)
 
     def _unknown_near(
         self, window: OccupancyGrid, map_from_base: Pose2
