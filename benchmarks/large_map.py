@@ -197,35 +197,32 @@ def drive_robot(grid: OccupancyGrid, goal: Goal) -> tuple[list[float], list[floa
 SEARCHES = {"for the next frontier": frontier_search, "for the pose": pose_search}
 
 
+def show(part: str, name: str, times_ms: list[float], ending: str) -> None:
+    """Print how long the cycles of one part took."""
+    p50, p99, most = np.percentile(times_ms, (50, 99, 99.9))
+    print(f"{name}: {len(times_ms)} cycles{ending}; longest {max(times_ms):.1f} ms")
+    what = f"{part} in 100 m x 100 m, {name}: median / 99 % / 99.9 %"
+    figure(what, f"{p50:.1f} / {p99:.1f} / {most:.1f}", "ms", aim=f"- / - / <= {AIM_MS}")
+
+
 def main() -> None:
     """Print the times of the drives."""
     parts = sys.argv[1:] or ["navigator", "searches", "loop"]
     grid = rooms()
     for name, goal in LOOP_GOALS.items() if "loop" in parts else ():
         times_ms, periods_s, reason = drive_robot(grid, goal)
-        p50, p99, most = np.percentile(times_ms, (50, 99, 99.9))
+        show("whole loop", name, times_ms, f", {reason}; longest period {max(periods_s):.2f} s")
         late = np.mean(np.array(periods_s) > 2 * PERIOD_S)
-        print(f"{name}: {len(times_ms)} cycles, {reason}")
-        print(f"    longest {max(times_ms):.1f} ms, longest period {max(periods_s):.2f} s")
-        what = f"whole loop in 100 m x 100 m, {name}: median / 99 % / 99.9 %"
-        figure(what, f"{p50:.1f} / {p99:.1f} / {most:.1f}", "ms", aim=f"- / - / <= {AIM_MS}")
         figure(f"the same under hard: cycles that lose a scan, {name}", f"{100 * late:.2f}", "%")
     for name, search in SEARCHES.items() if "searches" in parts else ():
         search(grid)  # loads the kernels
-        times_ms = search(grid)
-        p50, p99, most = np.percentile(times_ms, (50, 99, 99.9))
-        print(f"{name}: {len(times_ms)} cycles; longest {max(times_ms):.1f} ms")
-        what = f"search in 100 m x 100 m, {name}: median / 99 % / 99.9 %"
-        figure(what, f"{p50:.1f} / {p99:.1f} / {most:.1f}", "ms", aim=f"- / - / <= {AIM_MS}")
+        show("search", name, search(grid), "")
     if "navigator" not in parts:
         return
     drive(grid, GOALS["a goal 60 m away"])  # loads the kernels
     for name, goal in GOALS.items():
         times_ms, state = drive(grid, goal)
-        p50, p99, most = np.percentile(times_ms, (50, 99, 99.9))
-        print(f"{name}: {len(times_ms)} cycles, {state.value}; longest {max(times_ms):.1f} ms")
-        what = f"navigator in 100 m x 100 m, {name}: median / 99 % / 99.9 %"
-        figure(what, f"{p50:.1f} / {p99:.1f} / {most:.1f}", "ms", aim=f"- / - / <= {AIM_MS}")
+        show("navigator", name, times_ms, f", {state.value}")
 
 
 if __name__ == "__main__":
